@@ -1,0 +1,48 @@
+# make sweep   set up, then predict and measure the zoom, focus and selection sweeps
+# make test    set up, lint, type-check pss/, and run the tests, the correlation gate among them
+# make acceptance   what must be shown but takes longer than `make test` may
+# make lock    write requirements.lock anew from pyproject.toml
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+UV_VERSION := 0.13.9
+
+# One view a core: numerical libraries that start threads of their own only get in each other's way.
+export OMP_NUM_THREADS ?= 1
+export OPENBLAS_NUM_THREADS ?= 1
+
+.PHONY: sweep test lint tests acceptance lock clean
+
+sweep: $(VENV)/installed
+	$(BIN)/python validate/run_sweep.py zoom focus selection $(ARGS)
+
+test: lint tests
+
+lint: $(VENV)/installed
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+tests: $(VENV)/installed
+	$(BIN)/python -m pytest -m "not acceptance" -q
+
+acceptance: $(VENV)/installed
+	$(BIN)/python -m pytest -m acceptance -s
+
+$(VENV)/installed: requirements.lock pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	  { echo "python3 is older than 3.11; allowed is 3.11 or newer (make PYTHON=python3.12 ...)" >&2; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	@touch $@
+
+lock:
+	$(PYTHON) -m venv $(VENV)-lock
+	$(VENV)-lock/bin/python -m pip install --quiet uv==$(UV_VERSION)
+	$(VENV)-lock/bin/uv pip compile --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
+	  --extra dev --custom-compile-command "make lock" pyproject.toml -o requirements.lock
+	rm -r $(VENV)-lock
+
+clean:
+	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis
