@@ -1,0 +1,239 @@
+"""The pan-tilt-zoom camera: projection, its Jacobian, and the thin lens. The only camera model of the project.
+
+Conventions (docs/conventions.md; each has a test in tests/test_conventions.py):
+
+- World: right-handed, metres, z up. Camera frame: x right, y down, z forward; roll 0.
+- Pan turns about world z: 0° looks along +y, positive towards +x. Tilt is positive upwards.
+- Zoom is the paper's multiplier: horizontal field of view = widest field of view / zoom, at the focus that is set.
+- Pixels are OpenCV's: the centre of the top left pixel is (0, 0).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pss.errors import GeometryError, RangeError, ShapeError
+
+__all__ = ["PTZCamera", "as_points"]
+
+Floats = NDArray[np.float64]
+
+# Straight up or down has no horizontal direction left to define roll 0.
+MAX_ABS_TILT_DEG = 89.9
+
+
+def as_points(points_m: ArrayLike, name: str = "points_m") -> Floats:
+    """Return `points_m` as a float array of shape (..., 3), or raise `ShapeError` / `RangeError`."""
+    points = np.asarray(points_m, dtype=float)
+    if points.ndim < 1 or points.shape[-1] != 3:
+        raise ShapeError(f"{name} has shape {points.shape}; allowed is (..., 3)")
+    if not np.isfinite(points).all():
+        raise RangeError(f"{name} holds {points[~np.isfinite(points)][0]}; allowed are finite values in metres")
+    return points
+
+
+def _require(condition: bool, name: str, value: object, allowed: str) -> None:
+    if not condition:
+        raise RangeError(f"{name} = {value!r}; allowed: {allowed}")
+
+
+@dataclass(frozen=True)
+class PTZCamera:
+    """A camera at a place with its settings of pan, tilt, zoom and focus, behind a thin lens.
+
+    Attributes:
+        position_m: m, the lens centre in the world, (3,).
+        pan_deg: degrees about world z; 0 looks along +y, positive towards +x.
+        tilt_deg: degrees above the horizon.
+        zoom: the paper's multiplier, 1 to `max_zoom`; horizontal field of view = `widest_fov_deg` / zoom.
+        focus_distance_m: m, depth of the plane in focus along the optical axis (d_k of Eq. 14).
+        f_number: focal length over aperture diameter.
+        resolution: pixels (width, height).
+        pixel_pitch_m: m, side of the square pixel (ps_k of Eq. 14).
+        max_zoom: upper limit of `zoom`.
+        widest_fov_deg: degrees, horizontal field of view at zoom 1 (the paper: 90).
+        name: how tables and figures call it.
+
+    Raises:
+        RangeError: a value out of range; the message carries it and what is allowed.
+        ShapeError: `position_m` or `resolution` of the wrong length.
+    """
+
+    position_m: tuple[float, float, float]
+    pan_deg: float
+    tilt_deg: float
+    zoom: float = 1.0
+    focus_distance_m: float = 4.0
+    f_number: float = 1.8
+    resolution: tuple[int, int] = (1280, 960)
+    pixel_pitch_m: float = 4.65e-6
+    max_zoom: float = 8.0
+    widest_fov_deg: float = 90.0
+    name: str = field(default="", compare=False)
+
+    def __post_init__(self) -> None:
+        position, resolution = tuple(self.position_m), tuple(self.resolution)
+        if len(position) != 3:
+            raise ShapeError(f"position_m has {len(position)} numbers; allowed is 3 (x, y, z in metres)")
+        if len(resolution) != 2:
+            raise ShapeError(f"resolution has {len(resolution)} numbers; allowed is 2 (width, height in pixels)")
+        object.__setattr__(self, "position_m", tuple(float(x) for x in position))
+        object.__setattr__(self, "resolution", tuple(int(n) for n in resolution))
+        _require(all(math.isfinite(x) for x in self.position_m), "position_m", position, "finite metres")
+        _require(math.isfinite(self.pan_deg), "pan_deg", self.pan_deg, "finite degrees")
+        _require(abs(self.tilt_deg) <= MAX_ABS_TILT_DEG, "tilt_deg", self.tilt_deg, f"within ±{MAX_ABS_TILT_DEG}°")
+        _require(0 < self.widest_fov_deg < 180, "widest_fov_deg", self.widest_fov_deg, "between 0 and 180 degrees")
+        _require(1 <= self.zoom <= self.max_zoom, "zoom", self.zoom, f"1 to {self.max_zoom:g}")
+        _require(min(self.resolution) >= 1, "resolution", resolution, "at least 1 × 1 pixel")
+        _require(0 < self.pixel_pitch_m < 1e-3, "pixel_pitch_m", self.pixel_pitch_m, "above 0 and below 1e-3 metres")
+        _require(0 < self.f_number < math.inf, "f_number", self.f_number, "above 0")
+        # 1/f = 1/v + 1/d has a lens for every d > 0, but d <= v would be a magnifying close-up, not a camera.
+        _require(
+            self.image_distance_m < self.focus_distance_m < math.inf,
+            "focus_distance_m",
+            self.focus_distance_m,
+            f"beyond the image distance of {self.image_distance_m:.4g} m (so beyond the focal length)",
+        )
+
+    # ---- intrinsic and extrinsic parameters ------------------------------------------------------------------------
+
+    @property
+    def horizontal_fov_deg(self) -> float:
+        """Degrees; `widest_fov_deg` / zoom (the paper, section 4.1, field of view)."""
+        return self.widest_fov_deg / self.zoom
+
+    @property
+    def focal_px(self) -> float:
+        """Pixels, the focal length of the equivalent pinhole: image distance over pixel pitch."""
+        return 0.5 * self.resolution[0] / math.tan(math.radians(self.horizontal_fov_deg) / 2)
+
+    @property
+    def principal_point_px(self) -> tuple[float, float]:
+        """Pixels (x, y), the middle of the sensor, where the centre of the top left pixel is (0, 0)."""
+        return (self.resolution[0] - 1) / 2, (self.resolution[1] - 1) / 2
+
+    @property
+    def intrinsic_matrix(self) -> Floats:
+        """Pixels, OpenCV's K, (3, 3)."""
+        cx, cy = self.principal_point_px
+        return np.array([[self.focal_px, 0.0, cx], [0.0, self.focal_px, cy], [0.0, 0.0, 1.0]])
+
+    @property
+    def rotation(self) -> Floats:
+        """World to camera, (3, 3): its rows are the camera's right, down and forward in the world."""
+        pan, tilt = math.radians(self.pan_deg), math.radians(self.tilt_deg)
+        sp, cp, st, ct = math.sin(pan), math.cos(pan), math.sin(tilt), math.cos(tilt)
+        return np.array([[cp, -sp, 0.0], [sp * st, cp * st, -ct], [sp * ct, cp * ct, st]])
+
+    @property
+    def translation_m(self) -> Floats:
+        """Metres, OpenCV's t: a point is at `rotation @ x + translation_m` in the camera frame, (3,)."""
+        return np.asarray(-self.rotation @ np.array(self.position_m))
+
+    @property
+    def projection_matrix(self) -> Floats:
+        """OpenCV's P = K [R | t], (3, 4)."""
+        return self.intrinsic_matrix @ np.column_stack([self.rotation, self.translation_m])
+
+    # ---- thin lens -------------------------------------------------------------------------------------------------
+
+    @property
+    def image_distance_m(self) -> float:
+        """Metres from lens to sensor, v. Field of view is defined at the set focus, so v follows from it alone."""
+        return self.focal_px * self.pixel_pitch_m
+
+    @property
+    def focal_length_m(self) -> float:
+        """Metres, f_k of Eq. 14, from 1/f = 1/v + 1/d."""
+        return 1 / (1 / self.image_distance_m + 1 / self.focus_distance_m)
+
+    @property
+    def aperture_diameter_m(self) -> float:
+        """Metres, a_k of Eq. 14: focal length over f-number."""
+        return self.focal_length_m / self.f_number
+
+    def circle_of_confusion_px(self, points_m: ArrayLike) -> Floats:
+        """Pixels, the diameter of the circle of confusion, Eq. 14, of `points_m` (..., 3); shape (...).
+
+        Eq. 14's D is read as depth along the axis, since the surface in focus of a thin lens is a plane. With
+        v = f d / (d − f), Eq. 14 equals a·f_px/d·|z − d|/z.
+        """
+        depth = self.to_camera_frame(points_m)[..., 2]
+        self._refuse_centre(depth)
+        a, f, d, pitch = self.aperture_diameter_m, self.focal_length_m, self.focus_distance_m, self.pixel_pitch_m
+        return np.asarray(a / pitch * f / (d - f) * np.abs(depth - d) / np.abs(depth))  # Eq. 14
+
+    # ---- projection ------------------------------------------------------------------------------------------------
+
+    def to_camera_frame(self, points_m: ArrayLike) -> Floats:
+        """Metres in the camera frame (x right, y down, z forward) of `points_m` (..., 3); shape (..., 3)."""
+        return np.asarray((as_points(points_m) - np.array(self.position_m)) @ self.rotation.T)
+
+    def project(self, points_m: ArrayLike) -> tuple[Floats, Floats]:
+        """Pixels (..., 2) and depth in metres (...) of `points_m` (..., 3).
+
+        A point behind the camera gets a negative depth and the pixel of its mirror image: ask `in_frustum`.
+
+        Raises:
+            GeometryError: a point lies in the plane through the lens (depth 0), where no pixel exists.
+        """
+        local = self.to_camera_frame(points_m)
+        depth = local[..., 2]
+        self._refuse_centre(depth)
+        pixels = self.focal_px * local[..., :2] / depth[..., None] + np.array(self.principal_point_px)
+        return pixels, depth
+
+    def jacobian(self, points_m: ArrayLike) -> Floats:
+        """Pixels per metre, ∂pixel/∂point, H_k of Eq. 5, at `points_m` (..., 3); shape (..., 2, 3)."""
+        local = self.to_camera_frame(points_m)
+        x, y, z = local[..., 0], local[..., 1], local[..., 2]
+        self._refuse_centre(z)
+        rows = np.zeros((*z.shape, 2, 3))
+        rows[..., 0, 0] = rows[..., 1, 1] = self.focal_px / z
+        rows[..., 0, 2], rows[..., 1, 2] = -self.focal_px * x / z**2, -self.focal_px * y / z**2
+        return np.asarray(rows @ self.rotation)
+
+    def in_frustum(self, points_m: ArrayLike) -> NDArray[np.bool_]:
+        """Whether `points_m` (..., 3) project in front of the camera and onto the sensor's area; shape (...)."""
+        local = self.to_camera_frame(points_m)
+        # Half a pixel beyond the outermost pixel centres is the sensor's edge.
+        limits = np.array(self.resolution) / 2 / self.focal_px
+        return np.asarray((local[..., 2] > 0) & (np.abs(local[..., :2]) <= limits * local[..., 2:]).all(axis=-1))
+
+    def range_m(self, points_m: ArrayLike) -> Floats:
+        """Metres from the lens centre to `points_m` (..., 3), D of Eq. 11; shape (...)."""
+        return np.asarray(np.linalg.norm(as_points(points_m) - np.array(self.position_m), axis=-1))
+
+    def cos_off_axis(self, points_m: ArrayLike) -> Floats:
+        """Cosine of the off-axis angle θ of Eqs. 12 and 13 at `points_m` (..., 3); shape (...)."""
+        local = self.to_camera_frame(points_m)
+        distance = np.linalg.norm(local, axis=-1)
+        self._refuse_centre(distance)
+        return np.asarray(local[..., 2] / distance)
+
+    def cos_incidence(self, points_m: ArrayLike, normals: ArrayLike) -> Floats:
+        """Cosine of the incidence angle α of Eq. 11 between the ray to the camera and the unit normal; shape (...)."""
+        to_camera = np.array(self.position_m) - as_points(points_m)
+        distance = np.linalg.norm(to_camera, axis=-1)
+        self._refuse_centre(distance)
+        return np.asarray((to_camera * as_points(normals, "normals")).sum(axis=-1) / distance)
+
+    # ---- settings --------------------------------------------------------------------------------------------------
+
+    def aimed_at(self, target_m: Sequence[float] | Floats) -> PTZCamera:
+        """The same camera with pan and tilt such that `target_m` (3,) is in the middle of the image."""
+        x, y, z = as_points(target_m, "target_m") - np.array(self.position_m)
+        if math.hypot(x, y, z) == 0:
+            raise GeometryError(f"target_m = {tuple(target_m)} is the camera's own position; there is no direction")
+        tilt = math.degrees(math.atan2(z, math.hypot(x, y)))
+        return dataclasses.replace(self, pan_deg=math.degrees(math.atan2(x, y)), tilt_deg=tilt)
+
+    def _refuse_centre(self, depth: Floats) -> None:
+        if (depth == 0).any():
+            raise GeometryError(f"a point has depth 0 in the camera at {self.position_m}; it has no projection")

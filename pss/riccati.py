@@ -1,0 +1,256 @@
+"""The steady-state covariance P∞ of a Kalman filter (Eqs. 4–8), for many points at once.
+
+Eq. 4 needs the measurements only through their information J = HᵀR⁻¹H, which adds up over cameras. In terms of J it
+reads P = A P⁺ Aᵀ + Q with P⁺ = (P⁻¹ + J)⁻¹. All arrays have leading batch axes that broadcast against each other.
+
+This is the door: it checks the arguments, chooses the method and judges the result. The methods themselves are in
+`pss.riccati_methods`.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pss import riccati_methods
+from pss.errors import RangeError, RiccatiError, ShapeError
+from pss.riccati_methods import RANK_TOLERANCE, BoolArray, Floats, transpose
+
+__all__ = [
+    "measurement_information",
+    "posterior_covariance",
+    "riccati_residual",
+    "steady_state_covariance",
+    "steady_state_covariance_from_information",
+]
+
+Method = Literal["auto", "eigenstructure", "doubling", "scipy"]
+Unsolvable = Literal["raise", "nan"]
+
+# A matrix further from symmetric than this (relative to its largest entry) is a mistake, not rounding.
+SYMMETRY_TOLERANCE = 1e-9
+# Relative error of P, as estimated from the residual, above which the result of any method is refused.
+REFUSE_ABOVE = 1e-6
+INDICES_SHOWN = 5
+
+
+def steady_state_covariance(
+    A: ArrayLike,
+    Q: ArrayLike,
+    H: ArrayLike,
+    R: ArrayLike,
+    method: Method = "auto",
+    *,
+    unsolvable: Unsolvable = "raise",
+) -> Floats:
+    """A-priori covariance P∞ of the filter's error in the steady state: the stabilising solution of Eq. 4.
+
+    Args:
+        A: state transition matrix, (..., n, n)
+        Q: process noise covariance of one time step, (..., n, n), positive semidefinite
+        H: measurement Jacobian, stacked over the cameras (Eq. 5), (..., m, n)
+        R: measurement noise covariance, block-diagonal over the cameras (Eq. 5), (..., m, m), positive definite
+        method: ``eigenstructure`` (MacFarlane–Potter–Fath, Eqs. 6–8; A must be invertible), ``doubling`` (structure-
+            preserving doubling; (A, Q) must be stabilisable), ``scipy`` (a loop over ``solve_discrete_are``) or
+            ``auto``: the closed form where A = I and Q = qI, else doubling, which is the fastest and takes a singular A
+        unsolvable: ``raise``, or ``nan`` to fill the systems without a solution with nan
+
+    Returns:
+        P∞ in the state's units squared (m² for positions), (..., n, n), symmetric
+
+    Raises:
+        ShapeError: the arrays do not fit each other
+        RangeError: a value is not finite, Q is not positive semidefinite, R not positive definite, method unknown
+        RiccatiError: a system has no stabilising solution (a mode that doesn't decay is not measured, or not excited),
+            or none that double precision can reach; the message names the first batch indices and the reason
+    """
+    jacobian = _array("H", H)
+    noise = _array("R", R)
+    information = measurement_information(jacobian, noise)
+    measurement = (jacobian, noise) if method == "scipy" else None
+    return _solve(_array("A", A), _array("Q", Q), information, method, unsolvable, measurement)
+
+
+def steady_state_covariance_from_information(
+    A: ArrayLike, Q: ArrayLike, J: ArrayLike, method: Method = "auto", *, unsolvable: Unsolvable = "raise"
+) -> Floats:
+    """As `steady_state_covariance`, from the information J = HᵀR⁻¹H, (..., n, n), in place of H and R.
+
+    J is relative to the state: per m² for positions. Precision: an eigenvalue of J that is r times the largest is known
+    to a relative eps/r only, and so is the part of P∞ that hangs on it; below `RANK_TOLERANCE` it counts as zero.
+
+    Raises:
+        ShapeError, RangeError, RiccatiError: as there; J must be symmetric positive semidefinite
+    """
+    return _solve(_array("A", A), _array("Q", Q), _array("J", J), method, unsolvable, None)
+
+
+def measurement_information(H: ArrayLike, R: ArrayLike) -> Floats:
+    """Information J = HᵀR⁻¹H that one frame's measurements carry, (..., n, n), per unit of state squared.
+
+    Args:
+        H: measurement Jacobian, (..., m, n)
+        R: measurement noise covariance, (..., m, m), positive definite
+
+    Raises:
+        ShapeError: R does not fit H
+        RangeError: a value is not finite, or R is not symmetric positive definite
+    """
+    jacobian = _array("H", H)
+    noise = _square("R", _array("R", R), jacobian.shape[-2])
+    _require_symmetric("R", noise)
+    try:
+        factor = np.linalg.cholesky(noise)
+    except np.linalg.LinAlgError:
+        smallest = np.linalg.eigvalsh(noise)[..., 0].min()
+        raise RangeError(f"R has the eigenvalue {smallest:.3g}; allowed: positive definite") from None
+    _batch_shape(H=jacobian, R=noise)
+    whitened = np.linalg.solve(factor, jacobian)
+    return transpose(whitened) @ whitened
+
+
+def posterior_covariance(P: ArrayLike, J: ArrayLike) -> Floats:
+    """Covariance P⁺ = (P⁻¹ + J)⁻¹ after a measurement update, (..., n, n), without inverting P or J.
+
+    Args:
+        P: a-priori covariance, (..., n, n), positive semidefinite (singular is fine)
+        J: information of the measurements, (..., n, n), positive semidefinite
+
+    Raises:
+        ShapeError: the arrays do not fit each other
+        RangeError: a value is not finite, or a matrix is not symmetric positive semidefinite
+    """
+    prior = _square("P", _array("P", P))
+    information = _square("J", _array("J", J), prior.shape[-1])
+    _batch_shape(P=prior, J=information)
+    _require_semidefinite("P", prior)
+    _require_semidefinite("J", information)
+    return riccati_methods.posterior(prior, information)
+
+
+def riccati_residual(A: ArrayLike, Q: ArrayLike, J: ArrayLike, P: ArrayLike) -> Floats:
+    """Relative residual of Eq. 4, (...,): the Frobenius norm of right minus left side over that of P.
+
+    Both are taken in units of P's own standard deviations, so that metres and metres per second weigh alike.
+
+    Raises:
+        ShapeError, RangeError: as in `steady_state_covariance_from_information`; P must be positive semidefinite
+    """
+    prior = _square("P", _array("P", P))
+    states = prior.shape[-1]
+    transition, noise, information = (
+        _square(name, _array(name, value), states) for name, value in (("A", A), ("Q", Q), ("J", J))
+    )
+    _batch_shape(A=transition, Q=noise, J=information, P=prior)
+    _require_semidefinite("P", prior)
+    _require_semidefinite("J", information)
+    return riccati_methods.residuals(transition, noise, information, prior)[0]
+
+
+def _solve(
+    A: Floats,
+    Q: Floats,
+    J: Floats,
+    method: Method,
+    unsolvable: Unsolvable,
+    measurement: tuple[Floats, Floats] | None,
+) -> Floats:
+    for name, value, allowed in (("method", method, Method), ("unsolvable", unsolvable, Unsolvable)):
+        if value not in get_args(allowed):
+            raise RangeError(f"{name} = {value!r}; allowed: {', '.join(get_args(allowed))}")
+    states = _square("A", A).shape[-1]
+    _square("Q", Q, states)
+    _square("J", J, states)
+    batch = _batch_shape(A=A, Q=Q, J=J)
+    _require_semidefinite("Q", Q)
+
+    step_variance = Q[..., 0, 0]
+    identity = np.eye(states)
+    if method == "auto" and not np.any(A - identity) and not np.any(Q - step_variance[..., None, None] * identity):
+        _require_symmetric("J", J)
+        information, axes = np.linalg.eigh(J)
+        _refuse_negative("J", information)
+        P, failures = riccati_methods.random_walk(step_variance, information, axes)
+        P = np.broadcast_to(P, batch + (states, states)).copy()
+    else:
+        _require_semidefinite("J", J)
+        undetectable = riccati_methods.undetectable(A, J)
+        flat = tuple(np.broadcast_to(x, batch + x.shape[-2:]).reshape(-1, states, states) for x in (A, Q, J))
+        if method == "scipy":
+            if measurement is None:
+                # whitened measurements with J as their information
+                measurement = riccati_methods.symmetric_root(J), identity
+            H, R = (np.broadcast_to(x, batch + x.shape[-2:]).reshape(-1, *x.shape[-2:]) for x in measurement)
+            P, failures = riccati_methods.scipy_loop(flat[0], flat[1], H, R)
+        else:
+            solver = riccati_methods.eigenstructure if method == "eigenstructure" else riccati_methods.doubling
+            P, failures = solver(*flat)
+        P = P.reshape(batch + (states, states))
+        failures = {"not detectable": undetectable} | {reason: mask.reshape(batch) for reason, mask in failures.items()}
+        # Written so that nan counts as refused.
+        refused = ~(riccati_methods.residuals(A, Q, J, P)[1] <= REFUSE_ABOVE)
+        failures[f"the residual of Eq. 4 allows a relative error above {REFUSE_ABOVE:g}"] = refused
+
+    failed = np.broadcast_to(np.logical_or.reduce(np.broadcast_arrays(*failures.values())), batch)
+    if failed.any():
+        if unsolvable == "raise":
+            raise RiccatiError(_failure_message(failed, failures))
+        P[failed] = np.nan
+    return P
+
+
+def _failure_message(failed: BoolArray, failures: dict[str, BoolArray]) -> str:
+    """Name the first failing systems, each with the first reason that applies."""
+    lines = []
+    for index in np.argwhere(failed)[:INDICES_SHOWN]:
+        at = tuple(int(i) for i in index)
+        reason = next(reason for reason, mask in failures.items() if np.broadcast_to(mask, failed.shape)[at])
+        lines.append(f"batch index {at}: {reason}" if at else reason)
+    rest = "; …" if failed.sum() > INDICES_SHOWN else ""
+    return f"no steady state for {failed.sum()} of {failed.size} systems: " + "; ".join(lines) + rest
+
+
+def _array(name: str, value: ArrayLike) -> Floats:
+    array = np.asarray(value, dtype=np.float64)
+    if array.ndim < 2:
+        raise ShapeError(f"{name} has shape {array.shape}; allowed: matrices with leading batch axes")
+    if not np.isfinite(array).all():
+        where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        raise RangeError(f"{name}{list(where)} = {array[where]}; allowed: finite values")
+    return array
+
+
+def _square(name: str, array: Floats, size: int | None = None) -> Floats:
+    size = array.shape[-1] if size is None else size
+    if array.shape[-2:] != (size, size) or size == 0:
+        raise ShapeError(f"{name} has shape {array.shape}; allowed: (..., {size or 'n'}, {size or 'n'})")
+    return array
+
+
+def _batch_shape(**arrays: Floats) -> tuple[int, ...]:
+    try:
+        return np.broadcast_shapes(*(array.shape[:-2] for array in arrays.values()))
+    except ValueError:
+        shapes = ", ".join(f"{name} {array.shape}" for name, array in arrays.items())
+        raise ShapeError(f"shapes are {shapes}; allowed: leading axes that broadcast") from None
+
+
+def _require_symmetric(name: str, M: Floats) -> None:
+    asymmetry = np.abs(M - transpose(M)).max(initial=0.0, axis=(-2, -1))
+    if np.any(asymmetry > SYMMETRY_TOLERANCE * np.abs(M).max(initial=0.0, axis=(-2, -1))):
+        raise RangeError(f"{name} differs from its transpose by {asymmetry.max():.3g}; allowed: symmetric matrices")
+
+
+def _require_semidefinite(name: str, M: Floats) -> None:
+    _require_symmetric(name, M)
+    _refuse_negative(name, np.asarray(np.linalg.eigvalsh(M), dtype=np.float64))
+
+
+def _refuse_negative(name: str, eigenvalues: Floats) -> None:
+    """Refuse ascending eigenvalues, (..., n), of which one is negative by more than rounding."""
+    negative = eigenvalues[..., 0] < -RANK_TOLERANCE * np.abs(eigenvalues[..., -1])
+    if negative.any():
+        lowest = eigenvalues[..., 0][negative].min()
+        raise RangeError(f"{name} has the eigenvalue {lowest:.3g}; allowed: positive semidefinite matrices")

@@ -1,0 +1,260 @@
+"""The numerical methods for Eq. 4 behind `pss.riccati`, which checks the arguments, chooses and judges the result.
+
+Nothing here refuses anything: each method returns P and, for each reason to fail, which systems of the batch it hit.
+The matrices are those of `pss.riccati`: A, Q and the information J = HᵀR⁻¹H, all (..., n, n) or a flat batch (N, n, n).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+__all__ = [
+    "RANK_TOLERANCE",
+    "BoolArray",
+    "Floats",
+    "doubling",
+    "eigenstructure",
+    "posterior",
+    "random_walk",
+    "residuals",
+    "scipy_loop",
+    "symmetric_root",
+    "transpose",
+    "undetectable",
+]
+
+Floats = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+# An eigenvalue this far below the largest is rounding noise in a matrix that was summed up in double precision: two
+# cameras in line with the point leave about 10 eps where exact arithmetic leaves zero.
+RANK_TOLERANCE = 64 * float(np.finfo(np.float64).eps)
+# Singular values of A − λI below this span the eigenspace of λ. The next ones are about the time step in seconds.
+NULL_TOLERANCE = 1e-9
+# Rounding splits a triple eigenvalue 1 (constant acceleration) by about eps^(1/3) = 6e-6 into the unit circle.
+MARGINAL_MODULUS = 1 - 3e-5
+# Once F^(2^k) is this small, the next increment of P, quadratic in it, is below eps.
+POWER_TOLERANCE = 1e-8
+# Eigenvalues of Ψ this close to the unit circle cannot be told to be inside or outside.
+UNIT_CIRCLE_WIDTH = 1e-12
+# 2^60 frames: convergence that needs more has a time constant beyond what double precision can tell from infinity.
+MAX_DOUBLINGS = 60
+# Relative error of P, as estimated from the residual, at which the eigenstructure result is refined.
+REFINE_ABOVE = 1e-13
+MAX_NEWTON_STEPS = 3
+# An iteration that got here has diverged; the square still fits double precision.
+DIVERGED = 1e100
+
+
+def random_walk(q: Floats, information: Floats, axes: Floats) -> tuple[Floats, dict[str, BoolArray]]:
+    """Closed form for A = I and Q = qI: Eq. 4 becomes P² = q(P + J⁻¹), one quadratic for each eigenvector of J.
+
+    Args:
+        q: variance of a step, (...)
+        information: eigenvalues of J, ascending, (..., n)
+        axes: its eigenvectors, in columns, (..., n, n)
+    """
+    not_detectable = information[..., 0] <= RANK_TOLERANCE * information[..., -1]
+    safe = np.where(not_detectable[..., None], 1.0, information)
+    # p = q/2 + √(q²/4 + q·c), c = 1/j: no difference of large numbers; hypot keeps q² from underflowing.
+    half = q[..., None] / 2
+    eigenvalues = half + np.hypot(half, np.sqrt(q[..., None] / safe))
+    P = _symmetric((axes * eigenvalues[..., None, :]) @ transpose(axes))
+    return P, {"not detectable": not_detectable, "a mode that does not decay is not excited": q <= 0}
+
+
+def eigenstructure(A: Floats, Q: Floats, J: Floats) -> tuple[Floats, dict[str, BoolArray]]:
+    """MacFarlane–Potter–Fath, flat batch (N, n, n). LAPACK balances Ψ itself, so no scaling is needed here."""
+    n = A.shape[-1]
+    singular_values = np.linalg.svd(A, compute_uv=False)
+    singular = singular_values[:, -1] <= RANK_TOLERANCE * singular_values[:, 0]
+    inverse_transpose = transpose(_solve_or_nan(np.where(singular[:, None, None], np.eye(n), A), np.eye(n)))
+    QA = Q @ inverse_transpose
+    AJ = inverse_transpose @ J
+    hamiltonian = np.block([[A + Q @ AJ, QA], [AJ, inverse_transpose]])  # Eq. 6
+    usable = np.isfinite(hamiltonian).all(axis=(-2, -1))
+    values, vectors = np.linalg.eig(np.where(usable[:, None, None], hamiltonian, np.eye(2 * n)))
+    # Eq. 7: eigenvalues come in pairs λ, 1/λ; those outside the unit circle belong to the stabilising solution.
+    outside = np.argsort(-np.abs(values), axis=-1)[:, :n]
+    chosen = np.take_along_axis(vectors, outside[:, None, :], axis=-1)
+    on_circle = np.abs(np.take_along_axis(values, outside[:, -1:], axis=-1))[:, 0] <= 1 + UNIT_CIRCLE_WIDTH
+    B, C = chosen[:, :n], chosen[:, n:]
+    P = _symmetric(np.real(transpose(_solve_or_nan(transpose(C), transpose(B)))))  # Eq. 8
+    # A slow filter has pairs λ, 1/λ close to the unit circle, which mix: where it forgets over 10⁶ frames Eq. 8 keeps
+    # no more than six digits. Newton's method brings them back.
+    error = residuals(A, Q, J, P)[1]
+    for _ in range(MAX_NEWTON_STEPS):
+        rough = np.flatnonzero(error > REFINE_ABOVE)
+        if rough.size == 0:
+            break
+        refined = _newton_step(A[rough], Q[rough], J[rough], P[rough])
+        refined_error = residuals(A[rough], Q[rough], J[rough], refined)[1]
+        better = refined_error < error[rough]
+        P[rough[better]], error[rough[better]] = refined[better], refined_error[better]
+        if not better.any():
+            break
+    return P, {
+        "A is singular, which this method cannot take (doubling can)": singular,
+        "an eigenvalue lies on the unit circle: a mode that does not decay is not excited": on_circle,
+    }
+
+
+def _newton_step(A: Floats, Q: Floats, J: Floats, P: Floats) -> Floats:
+    """One step of Newton's method on Eq. 4 (Kleinman): the covariance of a filter run with the gain of the given P."""
+    updated = posterior(P, J)
+    F = A - A @ updated @ J  # the filter's error goes from frame to frame by F
+    X = Q + A @ updated @ J @ updated @ transpose(A)
+    with np.errstate(over="ignore", invalid="ignore"):
+        for _ in range(MAX_DOUBLINGS):
+            X = X + F @ X @ transpose(F)
+            F = F @ F
+            if np.all(~(_size_in_units_of(X, F) > POWER_TOLERANCE)):
+                break
+    return _symmetric(X)
+
+
+def doubling(A: Floats, Q: Floats, J: Floats) -> tuple[Floats, dict[str, BoolArray]]:
+    """Structure-preserving doubling, flat batch (N, n, n): step k holds the filter's covariance after 2^k frames.
+
+    Chu, Fan, Lin, Wang, "Structure-preserving algorithms for periodic discrete-time algebraic Riccati equations",
+    International Journal of Control 77 (2004); here on the dual, so that the transition is transposed.
+    """
+    n = A.shape[-1]
+    F, G, P = transpose(A).copy(), J.copy(), Q.copy()
+    active = np.arange(A.shape[0])
+    with np.errstate(over="ignore", invalid="ignore"):
+        for _ in range(MAX_DOUBLINGS):
+            f, g, p = F[active], G[active], P[active]
+            solved = _solve_or_nan(np.eye(n) + g @ p, np.concatenate([f, g], axis=-1))
+            P[active] = _symmetric(p + transpose(f) @ p @ solved[..., :n])
+            G[active] = _symmetric(g + f @ solved[..., n:] @ transpose(f))
+            F[active] = f @ solved[..., :n]
+            size = _size_in_units_of(P[active], transpose(F[active]))
+            active = active[size > POWER_TOLERANCE]  # nan, which cannot recover, leaves too
+            if active.size == 0:
+                break
+    failed = np.zeros(A.shape[0], dtype=np.bool_)
+    failed[active] = True
+    failed |= ~np.isfinite(P).all(axis=(-2, -1))
+    return P, {"no convergence: a mode that does not decay is not excited, or hardly measured": failed}
+
+
+def scipy_loop(A: Floats, Q: Floats, H: Floats, R: Floats) -> tuple[Floats, dict[str, BoolArray]]:
+    """SciPy solves the control problem; the filter is its dual, with A and H transposed."""
+    P = np.full_like(Q, np.nan)
+    failed = np.zeros(A.shape[0], dtype=np.bool_)
+    for i in range(A.shape[0]):
+        try:
+            P[i] = scipy.linalg.solve_discrete_are(A[i].T, H[i].T, Q[i], R[i])
+        except (np.linalg.LinAlgError, ValueError):
+            failed[i] = True
+            continue
+        # SciPy also hands out P = 0 for Q = 0, though no filter settles there.
+        innovation = H[i] @ P[i] @ H[i].T + R[i]
+        closed_loop = A[i] - A[i] @ P[i] @ H[i].T @ np.linalg.solve(innovation, H[i])
+        failed[i] = np.abs(np.linalg.eigvals(closed_loop)).max() >= 1
+    return _symmetric(P), {"SciPy finds no stabilising solution": failed}
+
+
+def undetectable(A: Floats, J: Floats) -> BoolArray:
+    """Whether a mode of A that does not decay goes unmeasured, (...,): the Popov–Belevitch–Hautus test.
+
+    J is looked at on each eigenspace of A by itself, which compares like units: for the motion models that is J's
+    position block, and the answer is that of the closed form.
+    """
+    n = A.shape[-1]
+    eigenvalues = np.linalg.eigvals(A)
+    if A.ndim == 2:
+        eigenvalues = eigenvalues[np.unique(np.round(eigenvalues, 4), return_index=True)[1]]  # each eigenspace once
+    if np.isrealobj(eigenvalues) or not eigenvalues.imag.any():
+        eigenvalues = np.asarray(eigenvalues.real)
+    _, singular_values, right = np.linalg.svd(A[..., None, :, :] - eigenvalues[..., None, None] * np.eye(n))
+    norm = np.maximum(1.0, np.linalg.norm(A, axis=(-2, -1)))[..., None, None]
+    lasting = (np.abs(eigenvalues) > MARGINAL_MODULUS)[..., None] & (singular_values <= NULL_TOLERANCE * norm)
+    basis = np.conj(right) * lasting[..., None]  # rows, the others zero
+    J = J[..., None, :, :]
+    measured = basis @ J @ np.conj(transpose(basis))
+    # What the information would be if nothing in it cancelled.
+    scale = np.einsum("...ij,...jj->...", np.abs(basis) ** 2, J)[..., None, None]
+    padding = np.eye(n) * ~lasting[..., None]
+    weakest = np.linalg.eigvalsh(measured / np.where(scale > 0, scale, 1.0) + padding)[..., 0]
+    return np.asarray((weakest <= RANK_TOLERANCE).any(axis=-1))
+
+
+def posterior(P: Floats, J: Floats) -> Floats:
+    """P⁺ = L (I + Lᵀ J L)⁻¹ Lᵀ with P = L Lᵀ: the inverted matrix has no eigenvalue below one."""
+    root: Floats
+    try:
+        root = np.linalg.cholesky(P).astype(np.float64)
+    except np.linalg.LinAlgError:
+        root = transpose(symmetric_root(P))
+    inner: Floats = np.eye(P.shape[-1]) + transpose(root) @ J @ root
+    return _symmetric(root @ np.linalg.solve(inner, transpose(root)))
+
+
+def symmetric_root(M: Floats) -> Floats:
+    """A matrix S with SᵀS = M for a semidefinite M, found at unit diagonal so that units don't drown small states."""
+    deviations = _deviations(M)
+    eigenvalues, axes = np.linalg.eigh(M / (deviations[..., :, None] * deviations[..., None, :]))
+    root = np.sqrt(np.maximum(eigenvalues, 0.0))[..., :, None] * np.swapaxes(axes, -1, -2) * deviations[..., None, :]
+    return np.asarray(root, dtype=np.float64)
+
+
+def residuals(A: Floats, Q: Floats, J: Floats, P: Floats) -> tuple[Floats, Floats]:
+    """Relative residual of Eq. 4, (...,), and the relative error of P that it allows, (...,).
+
+    A residual of ε times the noise W that enters with each frame moves P = Σ Fᵏ W Fᵀᵏ by ε relatively. W is small
+    beside P if the filter is slow, and then a small residual alone proves little.
+    """
+    finite = np.asarray((np.abs(P) < DIVERGED).all(axis=(-2, -1)))  # false for nan
+    P = np.where(finite[..., None, None], P, np.eye(P.shape[-1]))
+    updated = posterior(P, J)
+    difference = A @ updated @ transpose(A) + Q - P  # Eq. 4
+    entering = Q + A @ updated @ J @ updated @ transpose(A)
+    deviations = _deviations(P)
+    units = deviations[..., :, None] * deviations[..., None, :]
+    off, whole, fresh = (np.linalg.norm(M / units, axis=(-2, -1)) for M in (difference, P, entering))
+    # P = 0 has the residual 0 if Q = 0, and only then.
+    residual, error = (np.where(off > 0, off / np.where(M > 0, M, off + 1e-300), 0.0) for M in (whole, fresh))
+    return np.where(finite, residual, np.nan), np.where(finite, error, np.nan)
+
+
+def _size_in_units_of(P: Floats, F: Floats) -> Floats:
+    """Norm of a transition in units of P's standard deviations, (N,), which does not depend on the states' units."""
+    deviations = _deviations(P)
+    return np.asarray(np.linalg.norm(F * deviations[..., None, :] / deviations[..., :, None], axis=(-2, -1)))
+
+
+def _deviations(P: Floats) -> Floats:
+    """Standard deviations, (..., n), with one in place of zero."""
+    variances = np.diagonal(P, axis1=-2, axis2=-1)
+    return np.sqrt(np.where(variances > 0, variances, 1.0))
+
+
+def _solve_or_nan(A: NDArray[Any], B: NDArray[Any]) -> NDArray[Any]:
+    """A⁻¹B, nan for the singular ones of the batch, where NumPy would give up on all."""
+    try:
+        return np.linalg.solve(A, B)
+    except np.linalg.LinAlgError:
+        return np.stack(
+            [_one_solution_or_nan(a, b) for a, b in zip(A, np.broadcast_to(B, A.shape[:1] + B.shape[-2:]), strict=True)]
+        )
+
+
+def _one_solution_or_nan(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
+    try:
+        return np.linalg.solve(a, b)
+    except np.linalg.LinAlgError:
+        return np.full_like(b, np.nan)
+
+
+def transpose(M: Floats) -> Floats:
+    return np.swapaxes(M, -1, -2)
+
+
+def _symmetric(M: Floats) -> Floats:
+    return (M + transpose(M)) / 2

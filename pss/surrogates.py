@@ -1,0 +1,197 @@
+"""Shapes: what is in the scene, where its points of interest lie, and what stands in the way of a line of sight.
+
+Prediction and rendering read the same objects. A shape answers three questions: is it closed (so that only its outside
+is seen), does it block a segment, and which points with normals are spread evenly over it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pss.errors import RangeError, ShapeError
+
+__all__ = ["Box", "Rectangle", "Shape", "Sphere"]
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
+
+
+class Shape(Protocol):
+    """What the metric asks of an object in the scene."""
+
+    name: str
+
+    def blocks(self, starts_m: Floats, ends_m: Floats) -> Bools:
+        """Whether the open segments from `starts_m` to `ends_m`, both (..., 3), meet the shape; shape (...)."""
+        ...
+
+
+def _check_positive(owner: str, **sizes: float) -> None:
+    for name, value in sizes.items():
+        if not 0 < value < math.inf:
+            raise RangeError(f"{owner}.{name} = {value!r}; allowed: above 0, in metres")
+
+
+def _check_place(owner: str, **places: Sequence[float]) -> None:
+    for name, place in places.items():
+        if len(place) != 3:
+            raise ShapeError(f"{owner}.{name} has {len(place)} numbers; allowed is 3 (x, y, z in metres)")
+        if not all(math.isfinite(x) for x in place):
+            raise RangeError(f"{owner}.{name} = {tuple(place)}; allowed: finite metres")
+
+
+def _check_count(**counts: int) -> None:
+    for name, count in counts.items():
+        if count < 1:
+            raise RangeError(f"{name} = {count!r}; allowed: 1 or more")
+
+
+@dataclass(frozen=True)
+class Rectangle:
+    """A thin board, one face of which looks along its normal.
+
+    Attributes:
+        centre_m: m, (3,).
+        width_m, height_m: m, its extent along `right` and `up`.
+        facing_deg: degrees about world z of the normal of its front: 0 looks along +y, positive towards +x.
+        elevation_deg: degrees above the horizon of that normal.
+    """
+
+    name: str
+    centre_m: tuple[float, float, float]
+    width_m: float
+    height_m: float
+    facing_deg: float = 0.0
+    elevation_deg: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check_place("Rectangle", centre_m=self.centre_m)
+        _check_positive("Rectangle", width_m=self.width_m, height_m=self.height_m)
+
+    @property
+    def normal(self) -> Floats:
+        """Unit normal of the front, (3,)."""
+        facing, elevation = math.radians(self.facing_deg), math.radians(self.elevation_deg)
+        return np.array(
+            [
+                math.sin(facing) * math.cos(elevation),
+                math.cos(facing) * math.cos(elevation),
+                math.sin(elevation),
+            ]
+        )
+
+    @property
+    def right(self) -> Floats:
+        """Unit vector along the width, horizontal, to the right for someone who looks at the front, (3,)."""
+        facing = math.radians(self.facing_deg)
+        return np.array([-math.cos(facing), math.sin(facing), 0.0])
+
+    @property
+    def up(self) -> Floats:
+        """Unit vector along the height, (3,)."""
+        return np.cross(self.normal, self.right)
+
+    def blocks(self, starts_m: Floats, ends_m: Floats) -> Bools:
+        """Whether the open segments, (..., 3) each, cross the board; shape (...)."""
+        centre, normal = np.array(self.centre_m), self.normal
+        height_of_start = (starts_m - centre) @ normal
+        height_of_end = (ends_m - centre) @ normal
+        crosses = height_of_start * height_of_end < 0
+        span = np.where(crosses, height_of_start - height_of_end, 1.0)
+        hit = starts_m + (height_of_start / span)[..., None] * (ends_m - starts_m) - centre
+        inside = (np.abs(hit @ self.right) <= self.width_m / 2) & (np.abs(hit @ self.up) <= self.height_m / 2)
+        return np.asarray(crosses & inside)
+
+    def grid(self, columns: int, rows: int, margin_m: float = 0.0) -> tuple[Floats, Floats]:
+        """`columns` × `rows` points spread evenly over the front, row by row from top left: points, normals (N, 3)."""
+        _check_count(columns=columns, rows=rows)
+        if not 0 <= margin_m < min(self.width_m, self.height_m) / 2:
+            raise RangeError(
+                f"margin_m = {margin_m!r}; allowed: 0 to less than half of {self.width_m} × {self.height_m} m"
+            )
+        across = _cell_centres(columns, self.width_m - 2 * margin_m)
+        down = -_cell_centres(rows, self.height_m - 2 * margin_m)
+        v, u = np.meshgrid(down, across, indexing="ij")
+        points = np.array(self.centre_m) + u.reshape(-1, 1) * self.right + v.reshape(-1, 1) * self.up
+        return points, np.broadcast_to(self.normal, points.shape).copy()
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """A ball: `centre_m` (3,) and `radius_m`, both in metres."""
+
+    name: str
+    centre_m: tuple[float, float, float]
+    radius_m: float
+
+    def __post_init__(self) -> None:
+        _check_place("Sphere", centre_m=self.centre_m)
+        _check_positive("Sphere", radius_m=self.radius_m)
+
+    def blocks(self, starts_m: Floats, ends_m: Floats) -> Bools:
+        """Whether the open segments, (..., 3) each, pass through the ball; shape (...)."""
+        start = starts_m - np.array(self.centre_m)
+        way = ends_m - starts_m
+        along = np.clip(-(start * way).sum(axis=-1) / np.maximum((way * way).sum(axis=-1), 1e-300), 0.0, 1.0)
+        nearest = start + along[..., None] * way
+        return np.asarray((nearest * nearest).sum(axis=-1) < self.radius_m**2)
+
+    def spiral(self, count: int, highest_z: float = 1.0, lowest_z: float = -1.0) -> tuple[Floats, Floats]:
+        """`count` points spread evenly on a Fibonacci spiral between two heights (in radii): points, normals (N, 3).
+
+        Equal steps in height are equal areas on a sphere (Archimedes), so the spread is even by area.
+        """
+        _check_count(count=count)
+        if not -1 <= lowest_z < highest_z <= 1:
+            raise RangeError(f"lowest_z = {lowest_z!r}, highest_z = {highest_z!r}; allowed: -1 to 1, the lowest below")
+        z = highest_z - (highest_z - lowest_z) * (np.arange(count) + 0.5) / count
+        turn = GOLDEN_ANGLE * np.arange(count)
+        ring = np.sqrt(1 - z**2)
+        normals = np.column_stack([ring * np.cos(turn), ring * np.sin(turn), z])
+        return np.array(self.centre_m) + self.radius_m * normals, normals
+
+
+@dataclass(frozen=True)
+class Box:
+    """An axis-parallel box between two corners, in metres."""
+
+    name: str
+    lowest_m: tuple[float, float, float]
+    highest_m: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        _check_place("Box", lowest_m=self.lowest_m, highest_m=self.highest_m)
+        if not all(low < high for low, high in zip(self.lowest_m, self.highest_m, strict=True)):
+            raise RangeError(f"Box {self.lowest_m} to {self.highest_m}; allowed: each of the first below the second")
+
+    def blocks(self, starts_m: Floats, ends_m: Floats) -> Bools:
+        """Whether the open segments, (..., 3) each, pass through the box (slab test); shape (...)."""
+        way = ends_m - starts_m
+        with np.errstate(divide="ignore", invalid="ignore"):
+            near = (np.array(self.lowest_m) - starts_m) / way
+            far = (np.array(self.highest_m) - starts_m) / way
+        # A segment parallel to a slab has 0/0 only on its face: counted as outside.
+        enter = np.nan_to_num(np.minimum(near, far), nan=np.inf).max(axis=-1)
+        leave = np.nan_to_num(np.maximum(near, far), nan=-np.inf).min(axis=-1)
+        return np.asarray((enter < leave) & (leave > 0) & (enter < 1))
+
+
+def _cell_centres(count: int, length: float) -> Floats:
+    """The centres of `count` equal cells on a length, about 0."""
+    return np.asarray(length * ((np.arange(count) + 0.5) / count - 0.5))
+
+
+def any_blocks(shapes: Sequence[Shape], starts_m: Floats, ends_m: Floats) -> Bools:
+    """Whether any of `shapes` blocks the open segments, (..., 3) each; shape (...)."""
+    blocked = np.zeros(np.broadcast_shapes(starts_m.shape, ends_m.shape)[:-1], dtype=bool)
+    for shape in shapes:
+        blocked |= shape.blocks(starts_m, ends_m)
+    return blocked
