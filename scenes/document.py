@@ -1,0 +1,112 @@
+"""Reading TOML, and the overrides of the command line, which change a document before it is validated."""
+
+from __future__ import annotations
+
+import copy
+import re
+import tomllib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from scenes.errors import Location, Problems, SceneError, dotted, item_label, nearest, shown
+from scenes.spec import Spec, allowed_keys, child_tables, narrowed
+
+__all__ = ["SWEEP_PREFIX", "apply_overrides", "read_toml"]
+
+# Overrides whose keys begin so go to the sweep file, all others to the scene file.
+SWEEP_PREFIX = "sweep."
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """The document in the file at `path`.
+
+    Raises:
+        SceneError: one line, if the file is not there, cannot be read or is no TOML (then with line and column).
+    """
+    try:
+        text = path.read_bytes().decode("utf-8")
+        return tomllib.loads(text)
+    except FileNotFoundError:
+        raise SceneError([f"{path}: there is no such file"]) from None
+    except UnicodeDecodeError as error:
+        raise SceneError([f"{path}: byte {error.start} is no UTF-8, which TOML must be"]) from None
+    except OSError as error:
+        raise SceneError([f"{path}: {error.strerror}"]) from None
+    except tomllib.TOMLDecodeError as error:
+        reason, _, place = str(error).rpartition(" (at ")
+        found = re.fullmatch(r"line (\d+), column (\d+)\)", place)
+        lines = text.split("\n")
+        line, column = found.groups() if found else (len(lines), len(lines[-1]) + 1)
+        raise SceneError([f"{path}: line {line}, column {column}: {reason or error}"]) from None
+
+
+def apply_overrides(model: type[Spec], overrides: Iterable[str], problems: Problems) -> None:
+    """Set each "key=value" of `overrides` in the document of `problems`, which is of the kind `model`.
+
+    A key that the file may not have is a problem; whether the value is allowed is for the validation to say.
+    """
+    for override in overrides:
+        key, equals, text = (part.strip() for part in override.partition("="))
+        if not equals or not key:
+            problems.say(f"override {shown(override)}; allowed: key=value, such as cameras.2.zoom=4")
+            continue
+        value = _parsed(text)
+        document = copy.deepcopy(problems.document)
+        try:
+            location = _set(model, document, key.split("."), value)
+        except _NoSuchKey as error:
+            problems.say(f"override {key} = {shown(value)}; {error}")
+        else:
+            problems.document = document
+            problems.overridden.add(location)
+
+
+def _parsed(text: str) -> object:
+    """The TOML value that `text` is, or else the text itself, so that names need no quotes in a shell."""
+    try:
+        document = tomllib.loads(f"value = {text}")
+    except tomllib.TOMLDecodeError:
+        return text
+    return document["value"] if set(document) == {"value"} else text
+
+
+class _NoSuchKey(Exception):
+    def __init__(self, step: str, place: str, allowed: list[str]) -> None:
+        hint, _ = nearest(step, allowed)
+        super().__init__(f'{place} has no key "{step}"{hint}; allowed: {", ".join(allowed)}')
+
+
+def _set(model: type[Spec], document: dict[str, Any], steps: list[str], value: object) -> Location:
+    """Set the value at the dotted key `steps` of `document`; where that is."""
+    tables: tuple[type[Spec], ...] = (model,)
+    here: Any = document
+    location: Location = ()
+    for number, step in enumerate(steps, start=1):
+        place, last = dotted(location, document) or "the file", number == len(steps)
+        if tables and isinstance(here, list) and all(isinstance(item, dict) for item in here):
+            labels = [item_label(here, index) for index in range(len(here))]
+            if step not in labels:
+                raise _NoSuchKey(step, place, labels)
+            index = labels.index(step)
+            location += (index,)
+            if last:
+                here[index] = value
+            else:
+                here = here[index]
+        elif tables and isinstance(here, dict):
+            table = narrowed(tables, here)[0]
+            if step not in allowed_keys(table):
+                raise _NoSuchKey(step, place, allowed_keys(table))
+            location += (step,)
+            tables = child_tables(table, step)
+            if last:
+                # The override is the later word: it also takes away what says the same in another way.
+                for rival in table.replaces.get(step, ()):
+                    here.pop(rival, None)
+                here[step] = value
+            else:
+                here = here.setdefault(step, {})
+        else:
+            raise _NoSuchKey(step, place, [f"{place} as a whole"])
+    return location

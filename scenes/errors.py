@@ -1,0 +1,121 @@
+"""What is wrong with a scene or sweep file, collected so that the user sees every problem at once."""
+
+from __future__ import annotations
+
+import difflib
+import json
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from pss.errors import PSSError
+
+__all__ = ["Location", "Problems", "SceneError", "allowed_in", "dotted", "nearest"]
+
+Location = tuple[str | int, ...]
+"""Keys and list indices from the top of a document, such as ("cameras", 1, "zoom")."""
+
+# A longer value would push what is allowed out of sight.
+LONGEST_VALUE = 70
+
+ABSENT = object()
+
+
+class SceneError(PSSError, ValueError):
+    """A scene or sweep file that cannot be used; `problems` has one line for each thing to mend."""
+
+    def __init__(self, problems: Iterable[str]) -> None:
+        self.problems: list[str] = list(problems)
+        super().__init__(self.problems)
+
+    def __str__(self) -> str:
+        return "\n".join(self.problems)
+
+
+class Problems:
+    """Collects the problems of one document, each as a line with file, dotted key, value and what is allowed."""
+
+    def __init__(self, file: Path | str, document: dict[str, Any]) -> None:
+        self.file = str(file)
+        self.document = document
+        self.overridden: set[Location] = set()
+        self.lines: list[str] = []
+        self._suggested: set[Location] = set()
+
+    def given(self, location: Location) -> bool:
+        """Whether the document says something at `location`."""
+        return _value_at(self.document, location) is not ABSENT
+
+    def add(self, location: Location, allowed: str, *, value: object = ABSENT) -> None:
+        """Report what stands at `location` (or `value`, a part of it); a key that is not there is reported missing."""
+        if value is ABSENT:
+            value = _value_at(self.document, location)
+        key = dotted(location, self.document)
+        if value is not ABSENT:
+            mark = " (override)" if location in self.overridden else ""
+            self.say(f"{key} = {shown(value)}{mark}; allowed: {allowed}")
+        elif location not in self._suggested:
+            self.say(f"{key} is missing; allowed: {allowed}")
+
+    def unknown_key(self, location: Location, allowed: Sequence[str]) -> None:
+        """Report a key that has no meaning, with the nearest one that has."""
+        # A misspelt key is one mistake, although its right spelling is then missing too: one line for both.
+        hint, guess = nearest(str(location[-1]), allowed)
+        if guess:
+            self._suggested.add((*location[:-1], guess))
+        value = _value_at(self.document, location)
+        said = "" if value is ABSENT else f" = {shown(value)}"
+        self.say(f"{dotted(location, self.document)}{said}; unknown key{hint}; allowed: {', '.join(allowed)}")
+
+    def say(self, text: str) -> None:
+        """Add a line about the file, once."""
+        line = f"{self.file}: {text}"
+        if line not in self.lines:
+            self.lines.append(line)
+
+    def raise_if_any(self) -> None:
+        """Raise all that was collected as one `SceneError`."""
+        if self.lines:
+            raise SceneError(self.lines)
+
+
+def nearest(word: str, known: Iterable[str]) -> tuple[str, str]:
+    """The text `, did you mean "…"?` and the known word nearest to `word`; both empty if none is near."""
+    close = difflib.get_close_matches(word, list(known), n=1)
+    return (f', did you mean "{close[0]}"?', close[0]) if close else ("", "")
+
+
+def allowed_in(error: Exception) -> str:
+    """What is allowed, out of the message of a `pss.RangeError` ("name = value; allowed: …")."""
+    return str(error).rpartition("allowed: ")[2]
+
+
+def shown(value: object) -> str:
+    """A value as the user would write it in the file, shortened."""
+    text = repr(value) if isinstance(value, float) else json.dumps(value, default=str, ensure_ascii=False)
+    return text if len(text) <= LONGEST_VALUE else text[: LONGEST_VALUE - 1] + "…"
+
+
+def dotted(location: Location, document: object) -> str:
+    """The dotted key of `location`: items of a list go by their name, or by their number from #1 if they have none."""
+    parts, here = [], document
+    for step in location:
+        parts.append(item_label(here, step) if isinstance(step, int) else step)
+        here = _value_at(here, (step,))
+    return ".".join(parts)
+
+
+def item_label(items: object, index: int) -> str:
+    """How the item at `index` of a list is addressed: by its name if that is its alone, else "#1", "#2", …"""
+    names = [item.get("name") if isinstance(item, dict) else None for item in items] if isinstance(items, list) else []
+    name = names[index] if index < len(names) else None
+    return name if isinstance(name, str) and names.count(name) == 1 else f"#{index + 1}"
+
+
+def _value_at(document: object, location: Location) -> object:
+    for step in location:
+        try:
+            document = document[step]  # type: ignore[index]
+        except (KeyError, IndexError, TypeError):
+            return ABSENT
+    return document

@@ -1,0 +1,233 @@
+"""What a scene file may say, key by key. Rules that need several keys at once are in `checks` and `markers`.
+
+Units end the names: _m metres, _mm millimetres, _um micrometres, _nm nanometres, _ms milliseconds, _deg degrees,
+_e electrons, _dn digital numbers. A description is the text that the user reads after "allowed:".
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field
+
+from pss import NOISE_MODELS, noise_model
+from pss.camera import MAX_ABS_TILT_DEG
+from scenes.dictionaries import DICTIONARIES
+from scenes.spec import Count, Item, Name, Number, Positive, Spec, one_of
+
+__all__ = [
+    "BoxSpec",
+    "CameraSpec",
+    "GridSpec",
+    "MarkersSpec",
+    "PlacedSpec",
+    "RectangleSpec",
+    "SceneSpec",
+    "SphereSpec",
+    "SpiralSpec",
+]
+
+NOISE_FACTORS = tuple(factor.name for factor in noise_model(NOISE_MODELS[0]).factors)
+
+Metres = Annotated[Positive, Field(description="a number above 0, in metres")]
+Millimetres = Annotated[Positive, Field(description="a number above 0, in millimetres")]
+Degrees = Annotated[Number, Field(description="a number, in degrees")]
+Albedo = Annotated[Number, Field(ge=0, le=1, description="a number from 0 to 1")]
+Point = Annotated[tuple[Number, Number, Number], Field(description="[x, y, z], in metres")]
+Direction = Annotated[tuple[Number, Number, Number], Field(description="[x, y, z], a direction of any length above 0")]
+MarkerId = Annotated[int, Field(strict=True, ge=0, description="a whole number, 0 or more")]
+Size = Annotated[Number, Field(gt=0)]
+PixelCount = Annotated[int, Field(strict=True, ge=16, le=20000)]
+TILT = f"a number from -{MAX_ABS_TILT_DEG} to {MAX_ABS_TILT_DEG}, in degrees"
+
+
+class RoomSpec(Spec):
+    """[room]: centred on x = y = 0, its floor at z = 0."""
+
+    width_m: Metres
+    length_m: Metres
+    height_m: Metres
+    wall_albedo: Albedo
+    floor_albedo: Albedo
+    ceiling_albedo: Albedo
+
+
+class PanelSpec(Spec):
+    """A lamp in the ceiling."""
+
+    centre_m: Annotated[tuple[Number, Number], Field(description="[x, y], in metres")]
+    size_m: Annotated[tuple[Size, Size], Field(description="[along x, along y], each above 0, in metres")]
+
+
+class LightSpec(Spec):
+    """[light]."""
+
+    radiance_w_per_m2_sr: Annotated[Positive, Field(description="a number above 0, in W/(m² sr)")]
+    panels: Annotated[tuple[Annotated[PanelSpec, Item], ...], Field(min_length=1)]
+
+
+class SensorSpec(Spec):
+    """[sensor]: one for all cameras."""
+
+    resolution_px: Annotated[
+        tuple[PixelCount, PixelCount], Field(description="[width, height], whole numbers from 16 to 20000, in pixels")
+    ]
+    pixel_pitch_um: Annotated[Positive, Field(lt=1000, description="a number above 0 and below 1000, in micrometres")]
+    wavelength_nm: Annotated[Positive, Field(description="a number above 0, in nanometres")]
+    quantum_efficiency: Annotated[Positive, Field(le=1, description="a number above 0, at most 1")]
+    exposure_ms: Annotated[Positive, Field(description="a number above 0, in milliseconds")]
+    full_well_e: Annotated[Positive, Field(description="a number above 0, in electrons")]
+    # Eqs. 12 and 13 are made of the dark noise alone: without any they are no noise model.
+    read_noise_e: Annotated[Positive, Field(description="a number above 0, in electrons")]
+    bits: Annotated[int, Field(strict=True, ge=8, le=16, description="a whole number from 8 to 16")]
+    black_level_dn: Annotated[int, Field(strict=True, ge=0, description="a whole number, 0 or more")]
+
+
+class LensSpec(Spec):
+    """[lens]: one for all cameras, which only differ in their settings."""
+
+    f_number: Positive
+    widest_fov_deg: Annotated[Positive, Field(lt=180, description="a number above 0 and below 180, in degrees")]
+    max_zoom: Annotated[Number, Field(ge=1, description="a number, 1 or more")]
+
+
+class CameraSpec(Spec):
+    """[[cameras]]: looks at `aim_m`, or along `pan_deg` and `tilt_deg`."""
+
+    name: Name
+    position_m: Point
+    aim_m: Point | None = Field(None, description="[x, y, z], in metres")
+    pan_deg: Degrees | None = Field(None, description="a number, in degrees")
+    tilt_deg: Annotated[Number, Field(ge=-MAX_ABS_TILT_DEG, le=MAX_ABS_TILT_DEG)] | None = Field(None, description=TILT)
+    zoom: Annotated[Number, Field(description="a number from 1 to the lens's max_zoom")]
+    focus_distance_m: Metres
+    f_number: Positive | None = Field(None, description="a number above 0 (without it, the lens's)")
+
+    replaces: ClassVar = {"aim_m": ("pan_deg", "tilt_deg"), "pan_deg": ("aim_m",), "tilt_deg": ("aim_m",)}
+
+
+class PlacedSpec(Spec):
+    """[[markers.placed]]: one marker by hand, `centre_m` on the surface of the object."""
+
+    id: MarkerId
+    object: Name
+    centre_m: Point
+    normal: Direction
+    up: Direction | None = Field(None, description="[x, y, z], a direction of any length above 0 (without it, upwards)")
+    module_mm: Millimetres
+
+
+class MarkersSpec(Spec):
+    """[markers]: how all markers are printed."""
+
+    dictionary: Annotated[Literal[tuple(DICTIONARIES)], Field(description=", ".join(DICTIONARIES))]
+    quiet_zone_modules: Annotated[Number, Field(ge=0, description="a number, 0 or more, in modules")]
+    white_albedo: Albedo
+    black_albedo: Albedo
+    placed: tuple[Annotated[PlacedSpec, Item], ...] = ()
+
+
+class GridSpec(Spec):
+    """Markers in the even cells of a grid on a rectangle's front, row by row from top left."""
+
+    columns: Count
+    rows: Count
+    module_mm: Millimetres
+    first_id: MarkerId
+
+
+class SpiralSpec(Spec):
+    """Markers spread evenly over a sphere."""
+
+    count: Count
+    module_mm: Millimetres
+    first_id: MarkerId
+
+
+class RectangleSpec(Spec):
+    """A thin board."""
+
+    name: Name
+    kind: Literal["rectangle"]
+    centre_m: Point
+    width_m: Metres
+    height_m: Metres
+    facing_deg: Degrees = 0.0
+    elevation_deg: Annotated[Number, Field(ge=-90, le=90, description="a number from -90 to 90, in degrees")] = 0.0
+    albedo: Albedo
+    markers: GridSpec | None = None
+
+
+class SphereSpec(Spec):
+    """A ball."""
+
+    name: Name
+    kind: Literal["sphere"]
+    centre_m: Point
+    radius_m: Metres
+    albedo: Albedo
+    markers: SpiralSpec | None = None
+
+
+class BoxSpec(Spec):
+    """An axis-parallel box between two corners."""
+
+    name: Name
+    kind: Literal["box"]
+    lowest_m: Point
+    highest_m: Point
+    albedo: Albedo
+
+
+class RandomWalkSpec(Spec):
+    """`pss.RandomWalk`."""
+
+    model: Literal["random-walk"]
+    step_std_mm: Annotated[Positive, Field(description="a number above 0, in millimetres per frame")]
+
+
+class ConstantVelocitySpec(Spec):
+    """`pss.ConstantVelocity`."""
+
+    model: Literal["constant-velocity"]
+    acceleration_density_m2_s3: Annotated[Positive, Field(description="a number above 0, in m²/s³")]
+    time_step_s: Annotated[Positive, Field(description="a number above 0, in seconds")]
+
+
+class ConstantAccelerationSpec(Spec):
+    """`pss.ConstantAcceleration`."""
+
+    model: Literal["constant-acceleration"]
+    jerk_density_m2_s5: Annotated[Positive, Field(description="a number above 0, in m²/s⁵")]
+    time_step_s: Annotated[Positive, Field(description="a number above 0, in seconds")]
+
+
+class NoiseSpec(Spec):
+    """[noise]: the predictions of a run, each with these factors left out."""
+
+    models: Annotated[
+        tuple[Literal[NOISE_MODELS], ...],
+        Field(min_length=1, description=f"a list of one or more of {', '.join(NOISE_MODELS)}"),
+    ]
+    switched_off: Annotated[
+        tuple[Literal[NOISE_FACTORS], ...], Field(description=f"a list of some of {', '.join(NOISE_FACTORS)}")
+    ] = ()
+    px2_per_m2: Annotated[Positive, Field(description="a number above 0, in px²/m²")] = 1.0
+
+
+ObjectSpec = one_of("kind", RectangleSpec, SphereSpec, BoxSpec)
+ProcessSpec = one_of("model", RandomWalkSpec, ConstantVelocitySpec, ConstantAccelerationSpec)
+
+
+class SceneSpec(Spec):
+    """A whole scene file."""
+
+    room: RoomSpec
+    light: LightSpec
+    sensor: SensorSpec
+    lens: LensSpec
+    cameras: Annotated[tuple[Annotated[CameraSpec, Item], ...], Field(min_length=1)]
+    markers: MarkersSpec
+    objects: Annotated[tuple[Annotated[ObjectSpec, Item], ...], Field(min_length=1)]
+    process: ProcessSpec
+    noise: NoiseSpec

@@ -1,0 +1,273 @@
+"""A sweep file: which setting of which cameras, or which selection of cameras, takes which values."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import Field
+
+from pss import PTZCamera, RangeError
+from scenes.document import SWEEP_PREFIX, apply_overrides, read_toml
+from scenes.errors import Location, Problems, SceneError, allowed_in, nearest
+from scenes.spec import Name, Number, Spec, one_of, validate
+
+if TYPE_CHECKING:
+    from scenes.scene import Scene
+
+__all__ = ["Configuration", "SweepFile", "load_sweep"]
+
+SWEEPS = Path(__file__).parent / "sweeps"
+"""Where the sweeps that go by a bare name are."""
+
+SETTINGS = ("zoom", "focus_distance_m", "pan_deg", "tilt_deg", "f_number")
+
+# Steps of a line differ from the same numbers written as a list by rounding alone; beyond that they must be the same
+# numbers, since a view is stored under the hash of its settings.
+LINE_DIGITS = 12
+
+Names = Annotated[tuple[Name, ...], Field(min_length=1, description="a list of one or more names of cameras")]
+
+
+class LineSpec(Spec):
+    """Evenly spaced values from `start` to `stop`, both included."""
+
+    start: Number
+    stop: Number
+    steps: Annotated[int, Field(strict=True, ge=2)]
+
+
+class SettingSpec(Spec):
+    """[vary] with a setting of some cameras."""
+
+    parameter: Literal[SETTINGS]
+    cameras: Names
+    values: Annotated[
+        Annotated[tuple[Number, ...], Field(min_length=1)] | LineSpec,
+        Field(description="a list of one or more numbers, or { start, stop, steps } with 2 steps or more"),
+    ]
+
+
+class SelectionSpec(Spec):
+    """[vary] with the cameras that take part."""
+
+    parameter: Literal["selection"]
+    always: Annotated[tuple[Name, ...], Field(alias="with", description="a list of names of cameras")] = ()
+    values: Annotated[
+        tuple[Name | Annotated[tuple[Name, ...], Field(min_length=1)], ...],
+        Field(min_length=1, description="a list of one or more names of cameras, or lists of names"),
+    ]
+
+
+class SweepSpec(Spec):
+    """A whole sweep file; `scene` is a path from where the file is."""
+
+    scene: Annotated[str, Field(strict=True, min_length=1, description="the path of a scene file, from this file")]
+    title: Annotated[str, Field(strict=True, min_length=1, description="text")]
+    # A half of the trials judges what the other half chose.
+    trials: Annotated[int, Field(strict=True, ge=2, description="a whole number, 2 or more")]
+    seed: Annotated[int, Field(strict=True, ge=0, description="a whole number, 0 or more")]
+    active: Names | None = Field(None, description="a list of one or more names of cameras")
+    vary: one_of("parameter", SettingSpec, SelectionSpec)
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """One step of a sweep: `label` for tables, the varied `parameter` with its `value`, and the cameras that look."""
+
+    label: str
+    parameter: str
+    value: float | str
+    cameras: tuple[PTZCamera, ...]
+
+
+@dataclass(frozen=True)
+class SweepFile:
+    """What a sweep file says.
+
+    Attributes:
+        name: the file's name without its ending.
+        path: of the file.
+        title: for figures.
+        scene_path: of the scene file.
+        trials: noisy captures of each view.
+        seed: of the run.
+    """
+
+    name: str
+    path: Path
+    title: str
+    scene_path: Path
+    trials: int
+    seed: int
+    _spec: SweepSpec = dataclasses.field(repr=False)
+    _document: dict[str, Any] = dataclasses.field(repr=False, compare=False)
+
+    def configurations(self, scene: Scene) -> list[Configuration]:
+        """The steps of the sweep with the cameras of `scene`, in the scene's order.
+
+        Raises:
+            SceneError: a name that the scene lacks, or a value out of a camera's range; all of them at once.
+        """
+        problems = Problems(self.path, self._document)
+        _check_names_known(self._spec, scene, problems)
+        vary = self._spec.vary
+        make = _settings if isinstance(vary, SettingSpec) else _selections
+        configurations = make(vary, self._spec.active, scene, problems)
+        problems.raise_if_any()
+        return configurations
+
+    def resolved(self) -> dict[str, Any]:
+        """The file's contents with overrides and defaults filled in: plain, JSON-serialisable, a valid sweep itself."""
+        return self._spec.model_dump(mode="json", by_alias=True, exclude_none=True)
+
+
+def load_sweep(path_or_name: str | Path, overrides: Iterable[str] = ()) -> SweepFile:
+    """The sweep in the TOML file at a path, or of a name among those that come with the project ("zoom").
+
+    Of `overrides` those count that begin with "sweep.", such as "sweep.trials=5".
+
+    Raises:
+        SceneError: with every problem of the file and the overrides, a line each.
+    """
+    path = _sweep_path(path_or_name)
+    problems = Problems(path, read_toml(path))
+    stripped = (override.strip() for override in overrides)
+    own = [override.removeprefix(SWEEP_PREFIX) for override in stripped if override.startswith(SWEEP_PREFIX)]
+    apply_overrides(SweepSpec, own, problems)
+    spec, draft = validate(SweepSpec, problems.document, problems)
+    _check_sweep(draft, problems)
+    problems.raise_if_any()
+    assert spec is not None  # no problem, so pydantic had none
+    return SweepFile(
+        name=path.stem,
+        path=path,
+        title=spec.title,
+        scene_path=Path(os.path.normpath(path.parent / spec.scene)),
+        trials=spec.trials,
+        seed=spec.seed,
+        _spec=spec,
+        _document=problems.document,
+    )
+
+
+def _sweep_path(path_or_name: str | Path) -> Path:
+    path = Path(path_or_name)
+    if path.suffix == ".toml" or len(path.parts) != 1:
+        return path
+    known = sorted(file.stem for file in SWEEPS.glob("*.toml"))
+    if path.name not in known:
+        hint, _ = nearest(path.name, known)
+        raise SceneError(
+            [f'there is no sweep "{path}"{hint}; allowed: {", ".join(known)}, or the path of a .toml file']
+        )
+    return SWEEPS / f"{path.name}.toml"
+
+
+# ---- rules that need several keys at once --------------------------------------------------------------------------
+
+
+def _check_sweep(draft: SweepSpec, problems: Problems) -> None:
+    """What can be judged without the scene."""
+    _check_once(("active",), draft.active, problems)
+    match draft.vary:
+        case SettingSpec(cameras=cameras, values=values):
+            _check_once(("vary", "cameras"), cameras, problems)
+            if isinstance(values, LineSpec) and values.start == values.stop:
+                problems.add(("vary", "values"), "start and stop that differ")
+            elif isinstance(values, tuple):
+                _check_once(("vary", "values"), [_short(value) for value in values], problems)
+            for name in cameras or () if draft.active is not None else ():
+                if name not in draft.active:
+                    problems.add(("vary", "cameras"), f"active cameras: {', '.join(draft.active)}", value=name)
+        case SelectionSpec(always=always, values=values):
+            _check_once(("vary", "with"), always, problems)
+            chosen = [_chosen(always or (), value) for value in values or ()]
+            for names in chosen:
+                _check_once(("vary", "values"), names, problems)
+            _check_once(("vary", "values"), ["+".join(sorted(names)) for names in chosen], problems)
+            if problems.given(("active",)):
+                problems.add(("active",), "no active where the parameter is selection, as its values say who is")
+
+
+def _check_once(location: Location, items: Iterable[str] | None, problems: Problems) -> None:
+    for item, count in Counter(items or ()).items():
+        if count > 1:
+            problems.add(location, "nothing twice", value=item)
+
+
+def _check_names_known(spec: SweepSpec, scene: Scene, problems: Problems) -> None:
+    have = [camera.name for camera in scene.cameras]
+    asked: list[tuple[Location, Iterable[str]]] = [(("active",), spec.active or ())]
+    match spec.vary:
+        case SettingSpec(cameras=cameras):
+            asked.append((("vary", "cameras"), cameras))
+        case SelectionSpec(always=always, values=values):
+            asked += [(("vary", "with"), always)] + [(("vary", "values"), _chosen((), value)) for value in values]
+    for location, names in asked:
+        for name in names:
+            if name not in have:
+                hint, _ = nearest(name, have)
+                problems.add(location, f"{', '.join(have)} (the cameras of {scene.path}){hint}", value=name)
+
+
+# ---- configurations ------------------------------------------------------------------------------------------------
+
+
+def _settings(
+    vary: SettingSpec, active: tuple[str, ...] | None, scene: Scene, problems: Problems
+) -> list[Configuration]:
+    found = []
+    for value in _values(vary.values):
+        cameras = []
+        refused: dict[str, list[str]] = {}
+        for camera in scene.cameras:
+            if active is not None and camera.name not in active:
+                continue
+            try:
+                varied = camera.name in vary.cameras
+                cameras.append(dataclasses.replace(camera, **{vary.parameter: value}) if varied else camera)
+            except RangeError as error:
+                refused.setdefault(_culprit(error, vary.parameter), []).append(camera.name)
+        for allowed, names in refused.items():
+            who = f"camera {names[0]}" if len(names) == 1 else f"cameras {', '.join(names)}"
+            problems.add(("vary", "values"), f"{allowed} ({vary.parameter} of {who})", value=value)
+        found.append(Configuration(f"{vary.parameter}={_short(value)}", vary.parameter, value, tuple(cameras)))
+    return found
+
+
+def _culprit(error: RangeError, parameter: str) -> str:
+    """What is allowed; with the name of the setting that is not, if it is not the varied one (zoom moves the focus)."""
+    name = str(error).partition(" = ")[0]
+    return allowed_in(error) if name == parameter else f"values that leave {name} {allowed_in(error)}"
+
+
+def _selections(vary: SelectionSpec, _active: None, scene: Scene, _problems: Problems) -> list[Configuration]:
+    found = []
+    for value in vary.values:
+        chosen = _chosen(vary.always, value)
+        cameras = tuple(camera for camera in scene.cameras if camera.name in chosen)
+        label = "+".join(camera.name for camera in cameras)
+        found.append(Configuration(label, vary.parameter, label, cameras))
+    return found
+
+
+def _chosen(always: tuple[str, ...], value: str | tuple[str, ...]) -> tuple[str, ...]:
+    return (*always, value) if isinstance(value, str) else (*always, *value)
+
+
+def _values(values: tuple[float, ...] | LineSpec) -> list[float]:
+    if not isinstance(values, LineSpec):
+        return [float(value) for value in values]
+    step = (values.stop - values.start) / (values.steps - 1)
+    line = [values.start + step * number for number in range(values.steps)]
+    return [float(f"{value:.{LINE_DIGITS}g}") for value in line]
+
+
+def _short(value: float) -> str:
+    return f"{value:g}"
