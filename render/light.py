@@ -1,0 +1,143 @@
+"""Light in a diffuse room: irradiance by radiosity, solved once per scene state and then looked up by every view.
+
+Because no view samples the light again, shading and soft shadows put no noise into the images that the detector could
+mistake for its own. Lambert's formula gives the form factor from a point to a polygon exactly; what lies between them
+is asked of the same shapes that the metric asks. Approximations: a patch is seen whole or not at all (by its centre); a
+patch that the receiver's horizon cuts counts with its part below as negative (too dark: by under 1 % on faces that are
+parallel to the room's, by some 2 % of uniform light on a slant); each patch has one radiosity; lamps hide nothing, so
+that the ceiling right above them counts too (too bright, by under 2 %).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pss import Sphere
+from pss.surrogates import Shape, any_blocks
+from render.geometry import Surface, lamps, surfaces, tile_sphere
+from render.state import SceneState
+
+__all__ = ["Radiosity", "form_factors", "solve_radiosity"]
+
+Floats = NDArray[np.float64]
+
+PATCH_M = 0.5
+OBJECT_PATCH_M = 0.3
+LAMP_PATCH_M = 0.1
+SPHERE_PATCH_SUBDIVISIONS = 2
+# Receivers are lifted off their surface, since a point in a polygon's own plane or corner has no solid angle.
+LIFT_M = 1e-3
+RECEIVERS_AT_ONCE = 512
+
+
+@dataclass(frozen=True)
+class Radiosity:
+    """The solved light of a scene state.
+
+    Attributes:
+        corners_m: m, the patches, (P, 4, 3); a triangle repeats its last corner.
+        centres_m: m, the points on the true surfaces by which the patches are seen, (P, 3).
+        normals: unit normals of the patches, (P, 3).
+        radiosity: W/m² that leaves each patch, (P,).
+        occluders: the shapes that cast shadows.
+    """
+
+    corners_m: Floats
+    centres_m: Floats
+    normals: Floats
+    radiosity: Floats
+    occluders: tuple[Shape, ...]
+
+    def irradiance(self, points_m: Floats, normals: Floats) -> Floats:
+        """W/m² that arrives at `points_m` (N, 3) on surfaces with unit `normals` (N, 3); shape (N,)."""
+        patches = self.corners_m, self.centres_m, self.normals
+        arriving = [
+            _seen_form_factors(points_m[part], normals[part], *patches, self.occluders) @ self.radiosity
+            for part in _chunks(len(points_m))
+        ]
+        return np.concatenate(arriving) if arriving else np.zeros(0)
+
+
+def solve_radiosity(state: SceneState) -> Radiosity:
+    """Solve the inter-reflection of the scene's surfaces: B = M + ρ F B over its patches."""
+    pieces = [(surface, _patches(surface)) for surface in [*lamps(state), *surfaces(state)]]
+    corners = np.concatenate([corners for _, (corners, _) in pieces])
+    centres = np.concatenate([centres for _, (_, centres) in pieces])
+    albedo = np.concatenate([np.full(len(patches), surface.albedo) for surface, (patches, _) in pieces])
+    emitted = np.concatenate([np.full(len(patches), np.pi * surface.radiance) for surface, (patches, _) in pieces])
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    received = np.concatenate(
+        [
+            _seen_form_factors(centres[part], normals[part], corners, centres, normals, state.occluders)
+            for part in _chunks(len(centres))
+        ]
+    )
+    radiosity = np.linalg.solve(np.eye(len(centres)) - albedo[:, None] * received, emitted)
+    return Radiosity(corners, centres, normals, radiosity, state.occluders)
+
+
+def form_factors(points_m: Floats, normals: Floats, corners_m: Floats) -> Floats:
+    """Share of a Lambertian receiver's irradiance that a polygon could give, by Lambert's formula; (M,).
+
+    Args:
+        points_m, normals: receivers, (M, 3) each.
+        corners_m: m, each receiver's polygon (M, 4, 3), counter-clockwise as seen from its bright side.
+    """
+    to_corner = corners_m - points_m[:, None]
+    to_corner /= np.linalg.norm(to_corner, axis=-1, keepdims=True)
+    following = np.roll(to_corner, -1, axis=1)
+    across = np.cross(to_corner, following)
+    sine = np.linalg.norm(across, axis=-1)
+    cosine = np.einsum("mki,mki->mk", to_corner, following)
+    along_normal = np.einsum("mki,mi->mk", across, normals)
+    # A repeated corner has no angle and no direction: it adds nothing.
+    angle_over_sine = np.arctan2(sine, cosine) / np.maximum(sine, 1e-12)
+    return np.asarray(-(angle_over_sine * along_normal).sum(axis=-1) / (2 * np.pi))
+
+
+def _seen_form_factors(
+    points_m: Floats,
+    normals: Floats,
+    corners_m: Floats,
+    centres_m: Floats,
+    patch_normals: Floats,
+    occluders: tuple[Shape, ...],
+) -> Floats:
+    """Form factors (N, P) from receivers (N, 3) to the patches that they see."""
+    receivers = points_m + LIFT_M * normals
+    in_front_of_patch = receivers @ patch_normals.T > (corners_m[:, 0] * patch_normals).sum(axis=-1)
+    highest_corner = np.einsum("ni,pki->npk", normals, corners_m).max(axis=-1)
+    above_horizon = highest_corner > (receivers * normals).sum(axis=-1)[:, None]
+    receiver, patch = np.nonzero(in_front_of_patch & above_horizon)
+    ends = (centres_m + LIFT_M * patch_normals)[patch]
+    clear = ~any_blocks(occluders, receivers[receiver], ends)
+    receiver, patch = receiver[clear], patch[clear]
+    factors = np.zeros((len(points_m), len(corners_m)))
+    factors[receiver, patch] = np.maximum(form_factors(receivers[receiver], normals[receiver], corners_m[patch]), 0.0)
+    return factors
+
+
+def _patches(surface: Surface) -> tuple[Floats, Floats]:
+    """Metres, the patches of a surface, (P, 4, 3), counter-clockwise from its bright side; their centres (P, 3)."""
+    if isinstance(surface.shape, Sphere):
+        vertices, faces = tile_sphere(surface.shape, SPHERE_PATCH_SUBDIVISIONS)
+        # A triangle's own middle lies inside the ball, where the ball itself would hide it.
+        centre = np.array(surface.shape.centre_m)
+        outwards = vertices[faces].mean(axis=1) - centre
+        outwards *= surface.shape.radius_m / np.linalg.norm(outwards, axis=-1, keepdims=True)
+        return np.asarray(vertices[faces[:, [0, 1, 2, 2]]]), centre + outwards
+    largest = LAMP_PATCH_M if surface.radiance else PATCH_M if surface.name in ROOM_SURFACES else OBJECT_PATCH_M
+    split = [tile.split(largest) for tile in surface.shape]
+    patches = np.concatenate([corners[quads] for corners, quads in split])
+    return patches, patches.mean(axis=1)
+
+
+ROOM_SURFACES = ("floor", "ceiling", "walls")
+
+
+def _chunks(count: int) -> list[slice]:
+    return [slice(start, start + RECEIVERS_AT_ONCE) for start in range(0, count, RECEIVERS_AT_ONCE)]

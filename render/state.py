@@ -1,0 +1,118 @@
+"""The scene state: everything in the world that determines a view, but the camera. Plain data, no renderer needed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pss import Box, Rectangle, Sphere
+
+__all__ = ["Light", "Marker", "MarkerPrint", "Panel", "Room", "SceneObject", "SceneState"]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Room:
+    """A box of walls, centred on x = y = 0 with its floor at z = 0; sizes in metres, albedos between 0 and 1."""
+
+    width_m: float
+    length_m: float
+    height_m: float
+    wall_albedo: float
+    floor_albedo: float
+    ceiling_albedo: float
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A lamp in the ceiling that shines downwards: centre (x, y) and size along x and y, in metres."""
+
+    centre_m: tuple[float, float]
+    size_m: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Light:
+    """Lamps of one radiance, in W/(m² sr) within the sensor's band."""
+
+    radiance_w_per_m2_sr: float
+    panels: tuple[Panel, ...]
+
+
+@dataclass(frozen=True)
+class MarkerPrint:
+    """How the markers are printed.
+
+    Attributes:
+        dictionary: name of the OpenCV dictionary, such as "DICT_4X4_100".
+        quiet_zone_modules: width of the white margin around the black border, in modules.
+        white_albedo, black_albedo: diffuse reflectance of paper and ink, 0 to 1.
+    """
+
+    dictionary: str
+    quiet_zone_modules: float
+    white_albedo: float
+    black_albedo: float
+
+
+@dataclass(frozen=True)
+class Marker:
+    """A flat square marker: its centre is a point of interest.
+
+    Attributes:
+        id: its number in the dictionary.
+        object_name: what it is glued to.
+        centre_m: m, (3,).
+        normal: unit outward normal of its face, (3,).
+        up: unit vector from its centre to the top of its print, (3,).
+        module_m: m, side of one black or white module.
+    """
+
+    id: int
+    object_name: str
+    centre_m: tuple[float, float, float]
+    normal: tuple[float, float, float]
+    up: tuple[float, float, float]
+    module_m: float
+
+    @property
+    def right(self) -> Floats:
+        """Unit vector to the right for someone who looks at the print, (3,)."""
+        return np.cross(self.up, self.normal)
+
+
+@dataclass(frozen=True)
+class SceneObject:
+    """A shape with its diffuse reflectance (0 to 1)."""
+
+    shape: Rectangle | Sphere | Box
+    albedo: float
+
+
+@dataclass(frozen=True)
+class SceneState:
+    """Room, light, objects and markers: what determines a view besides the camera and its sensor."""
+
+    room: Room
+    light: Light
+    objects: tuple[SceneObject, ...]
+    markers: tuple[Marker, ...]
+    print: MarkerPrint
+
+    @property
+    def points_m(self) -> Floats:
+        """Metres, the points of interest: the markers' centres, (N, 3)."""
+        return np.array([marker.centre_m for marker in self.markers], dtype=float).reshape(-1, 3)
+
+    @property
+    def normals(self) -> Floats:
+        """Unit normals at the points of interest, (N, 3)."""
+        return np.array([marker.normal for marker in self.markers], dtype=float).reshape(-1, 3)
+
+    @property
+    def occluders(self) -> tuple[Rectangle | Sphere | Box, ...]:
+        """The shapes that block lines of sight."""
+        return tuple(item.shape for item in self.objects)

@@ -1,0 +1,229 @@
+"""One view: what one camera sees of one scene state, the unit of rendering and of storage.
+
+A view is named by the hash of all that determines its pixels, so that whoever needs it again finds it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter, minimum_filter
+
+from pss import PTZCamera
+from render import backend, glow, lens
+from render.sampling import Sampled, Sampling, film_samples, pixel_means, sample_image
+from render.sensor import Sensor, capture, expected_electrons, noise_electrons
+from render.state import SceneState
+
+__all__ = ["Certificate", "RenderedView", "Renderer", "ViewRequest", "random_stream", "state_key"]
+
+Floats = NDArray[np.floating]
+
+# Raised whenever the code changes what is rendered, so that stored views of older code are not taken for today's.
+RENDER_VERSION = 1
+# Marker edges are where a plate's 3 × 3 neighbourhood changes by more than this many times the sensor noise.
+EDGE_CONTRAST = 2.0
+
+
+def _digest(content: object) -> str:
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"), default=_plain)
+    return hashlib.sha256(text.encode()).hexdigest()[:24]
+
+
+def _plain(value: object) -> object:
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        fields = {field.name: getattr(value, field.name) for field in dataclasses.fields(value) if field.compare}
+        return {"type": type(value).__name__, **fields}
+    raise TypeError(f"{type(value).__name__} has no place in a view's hash")
+
+
+def state_key(state: SceneState) -> str:
+    """Hash of a scene state: the name under which its solved light is stored."""
+    return _digest([RENDER_VERSION, state])
+
+
+@dataclass(frozen=True)
+class ViewRequest:
+    """All that determines a view's pixels."""
+
+    state: SceneState
+    camera: PTZCamera
+    sensor: Sensor
+    sampling: Sampling
+    renderer: str
+
+    @cached_property
+    def key(self) -> str:
+        """The view's name: the same for the same pixels, in any run and on any machine of the same kind."""
+        return _digest([RENDER_VERSION, state_key(self.state), self.camera, self.sensor, self.sampling, self.renderer])
+
+
+def random_stream(seed: int, key: str, stream: str, trial: int = 0) -> np.random.Generator:
+    """The random numbers of one stream of one view in one trial: the same for any order, worker count or resume."""
+    words = hashlib.sha256(f"{key}/{stream}".encode()).digest()
+    entropy = [seed, trial, *np.frombuffer(words, dtype=np.uint32).tolist()]
+    return np.random.default_rng(np.random.SeedSequence(entropy))
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Sampling noise over sensor noise (σ/σ), estimated from two independent half renders, and the samples spent.
+
+    `edge_*` are over marker-edge pixels (nan where the view has none), `image_*` over all pixels.
+    """
+
+    edge_rms: float
+    edge_median: float
+    edge_p999: float
+    image_rms: float
+    image_p999: float
+    samples: int
+
+
+@dataclass(frozen=True, eq=False)
+class RenderedView:
+    """A rendered view; images are (height, width).
+
+    Attributes:
+        radiance: W/(m² sr), noise-free but for the sampling noise that `certificate` states.
+        depth_m: m along the optical axis through each pixel's centre, from the lens; inf where nothing is hit.
+        normal: (height, width, 3), unit, in the world.
+        marker_id: number of the marker whose plate is seen, −1 elsewhere.
+        capture_dn: one noisy capture.
+    """
+
+    key: str
+    camera: PTZCamera
+    sensor: Sensor
+    radiance: NDArray[np.float32]
+    depth_m: NDArray[np.float32]
+    normal: NDArray[np.float32]
+    marker_id: NDArray[np.int32]
+    capture_dn: NDArray[np.uint16]
+    certificate: Certificate
+
+    def expected_electrons(self) -> NDArray[np.float32]:
+        """Mean photoelectrons of every pixel."""
+        return np.asarray(expected_electrons(self.radiance, self.camera, self.sensor), dtype=np.float32)
+
+
+class Renderer:
+    """Renders views of one scene state: Mitsuba's scene is loaded once."""
+
+    def __init__(self, state: SceneState, meshes: glow.GlowMeshes, chosen: backend.Backend) -> None:
+        self.state = state
+        self.name = chosen.identity
+        self._mi = backend.start(chosen)
+        self._scene = glow.load_scene(meshes, self._mi)
+        self._ids = meshes.marker_ids
+
+    def request(self, camera: PTZCamera, sensor: Sensor, sampling: Sampling) -> ViewRequest:
+        """The request of a view of this scene state by this renderer."""
+        return ViewRequest(self.state, camera, sensor, sampling, self.name)
+
+    def render(self, request: ViewRequest) -> RenderedView:
+        """Render a view."""
+        camera, sensor = request.camera, request.sensor
+        width, height = camera.resolution
+        electrons_per_radiance = np.asarray(
+            expected_electrons(np.ones((height, width)), camera, sensor), dtype=np.float32
+        )
+
+        def noise(radiance: NDArray[np.float32]) -> NDArray[np.float32]:
+            sigma = noise_electrons(radiance * electrons_per_radiance, sensor) / electrons_per_radiance
+            return np.asarray(sigma, dtype=np.float32)
+
+        mitsuba_sensor = lens.load_sensor(camera, self._mi)
+        make = film_samples if self._mi.variant().startswith("scalar") else pixel_means
+        sampler = make(self._scene, mitsuba_sensor, self._mi)
+        rng = random_stream(0, request.key, "render")
+        image = sample_image(sampler, camera.resolution, noise, request.sampling, rng)
+        depth, normal, marker = self._first_hits(camera, mitsuba_sensor)
+        electrons = image.mean * electrons_per_radiance
+        return RenderedView(
+            request.key,
+            camera,
+            sensor,
+            image.mean,
+            depth,
+            normal,
+            marker,
+            capture(electrons, sensor, random_stream(0, request.key, "sample capture")),
+            certify(image, noise, marker),
+        )
+
+    def _first_hits(
+        self, camera: PTZCamera, mitsuba_sensor: Any
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int32]]:
+        """Depth, normal and marker number along the ray from the lens centre through each pixel's centre."""
+        mi = self._mi
+        width, height = camera.resolution
+        x, y = (np.arange(n, dtype=np.float32) for n in (width, height))
+        film_x = np.tile(lens.film_position(x) / width, height)
+        film_y = np.repeat(lens.film_position(y) / height, width)
+        if mi.variant().startswith("scalar"):
+            hits = np.array([self._hit(mitsuba_sensor, film) for film in zip(film_x, film_y, strict=True)])
+            distance, normal, plate = hits[:, 0], hits[:, 1:4], hits[:, 4]
+        else:
+            distance, normal, plate = self._hit(mitsuba_sensor, (film_x, film_y))
+        shape = (height, width)
+        rays = np.stack(np.broadcast_arrays(*_pixel_slopes(camera)), axis=-1)
+        # Mitsuba's rays begin at the near clip plane.
+        depth = np.asarray(distance).reshape(shape) / np.sqrt(1 + (rays**2).sum(axis=-1)) + lens.NEAR_M
+        marker = np.full(width * height, -1, dtype=np.int32)
+        on_plate = np.asarray(plate).astype(np.int64) >= 0
+        marker[on_plate] = self._ids[np.asarray(plate).astype(np.int64)[on_plate]]
+        return (
+            depth.astype(np.float32),
+            np.asarray(normal, dtype=np.float32).reshape(*shape, 3),
+            marker.reshape(shape),
+        )
+
+    def _hit(self, mitsuba_sensor: Any, film: tuple[Any, Any]) -> Any:
+        """Distance in m, normal and plate number (−1: none) of the first hit, through the lens centre."""
+        mi = self._mi
+        ray, _ = mitsuba_sensor.sample_ray(0.0, 0.5, mi.Point2f(*film), mi.Point2f(0.5, 0.5))
+        hit = self._scene.ray_intersect(ray)
+        plates = next((shape for shape in self._scene.shapes() if shape.id() == "plates"), None)
+        if mi.variant().startswith("scalar"):
+            plate = hit.prim_index // 2 if plates is not None and hit.shape == plates else -1
+            return [hit.t if hit.is_valid() else np.inf, *np.array(hit.n).ravel(), plate]
+        import drjit as dr
+
+        is_plate = hit.shape == mi.ShapePtr(plates) if plates is not None else mi.Bool(False)
+        plate = dr.select(is_plate, mi.Int32(hit.prim_index // 2), -1)
+        return hit.t.numpy(), hit.n.numpy().T, plate.numpy()
+
+
+def _pixel_slopes(camera: PTZCamera) -> tuple[Floats, Floats]:
+    cx, cy = camera.principal_point_px
+    width, height = camera.resolution
+    return (np.arange(width) - cx) / camera.focal_px, (np.arange(height)[:, None] - cy) / camera.focal_px
+
+
+def certify(
+    image: Sampled, noise: Callable[[NDArray[np.float32]], NDArray[np.float32]], marker: NDArray[np.int32]
+) -> Certificate:
+    """State the sampling noise that two half renders of a view show."""
+    sigma = noise(image.mean)
+    ratio = np.abs(image.half_difference) / 2 / sigma
+    contrast = (maximum_filter(image.mean, 3) - minimum_filter(image.mean, 3)) / sigma
+    edges = ratio[(maximum_filter(marker, 3) >= 0) & (contrast > EDGE_CONTRAST)]
+    nothing = float("nan")
+    return Certificate(
+        edge_rms=float(np.sqrt(np.mean(edges**2))) if edges.size else nothing,
+        # |difference| of two Gaussian halves has its median at 0.6745 σ.
+        edge_median=float(np.median(edges) / 0.6745) if edges.size else nothing,
+        edge_p999=float(np.percentile(edges, 99.9)) if edges.size else nothing,
+        image_rms=float(np.sqrt(np.mean(ratio**2))),
+        image_p999=float(np.percentile(ratio, 99.9)),
+        samples=image.samples,
+    )
