@@ -1,0 +1,178 @@
+"""Get views rendered and measured: what the store has is taken, the rest is made, each view once.
+
+One process renders (Mitsuba's own threads use all cores); others measure what is rendered meanwhile.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterable
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from render import backend, glow
+from render.exr import ImageFileError, read_certificate, write_view
+from render.light import solve_radiosity
+from render.state import SceneState
+from render.view import Certificate, Renderer, ViewRequest, state_key
+from validate.measure import MeasureTask, ViewMeasurement, load_measurement, measure, worker_pool
+from validate.progress import ViewProgress
+from validate.store import Store, StoreError, atomic_path
+
+__all__ = ["Acquired", "Acquisition", "acquire"]
+
+# Rendered views that wait to be measured; more would only fill memory.
+MOST_WAITING = 4
+
+
+@dataclass(frozen=True)
+class Acquisition:
+    """A view that is wanted, with the trials to be measured on it."""
+
+    request: ViewRequest
+    seed: int
+    trials: int
+
+    def task(self, store: Store) -> MeasureTask:
+        """The measuring task of this view."""
+        state = self.request.state
+        ids = tuple(marker.id for marker in state.markers)
+        return MeasureTask(store.folder, self.request.key, state.print.dictionary, ids, self.seed, self.trials)
+
+
+@dataclass
+class Acquired:
+    """What came of the wanted views; keys are the views' hashes (`measured`: with seed and trials).
+
+    `failed` says why a view is missing; `rendered` and `measured_items` are what this run made itself.
+    """
+
+    measured: dict[Acquisition, ViewMeasurement] = field(default_factory=dict)
+    certificates: dict[str, Certificate] = field(default_factory=dict)
+    failed: dict[str, str] = field(default_factory=dict)
+    render_seconds: dict[str, float] = field(default_factory=dict)
+    rendered: int = 0
+    measured_items: set[Acquisition] = field(default_factory=set)
+
+
+def acquire(
+    wanted: Iterable[Acquisition],
+    store: Store,
+    chosen: backend.Backend,
+    progress_for: Callable[[int], ViewProgress],
+) -> Acquired:
+    """Render and measure the wanted views, each once, and load the measurements.
+
+    Ctrl-C stops between views; what is stored stays and is found by the next run.
+    """
+    unique = list(dict.fromkeys(wanted))
+    acquired = Acquired()
+    todo = [item for item in unique if not item.task(store).path.exists() or not _certified(item, store, acquired)]
+    with progress_for(len(todo)) as progress:
+        if todo:
+            pool = worker_pool(max(1, os.cpu_count() or 1))
+            try:
+                _make(todo, store, chosen, pool, progress, acquired)
+            except BaseException:
+                # No public way to stop busy workers before Python 3.14; a half-written file keeps its temporary name.
+                workers = list((pool._processes or {}).values())
+                pool.shutdown(wait=False, cancel_futures=True)
+                for worker in workers:
+                    worker.terminate()
+                raise
+            pool.shutdown()
+    for item in unique:
+        if item.request.key in acquired.failed:
+            continue
+        measurement = load_measurement(item.task(store))
+        if measurement is None:
+            acquired.failed[item.request.key] = "its measurement is missing from the store"
+        else:
+            acquired.measured[item] = measurement
+            acquired.certificates[item.request.key] = read_certificate(store.view(item.request.key))
+    return acquired
+
+
+def _certified(item: Acquisition, store: Store, acquired: Acquired) -> bool:
+    """Whether the view's image is stored and readable."""
+    key = item.request.key
+    if key in acquired.certificates:
+        return True
+    path = store.view(key)
+    if not path.exists():
+        return False
+    try:
+        acquired.certificates[key] = read_certificate(path)
+    except ImageFileError:
+        path.unlink(missing_ok=True)
+        return False
+    return True
+
+
+def _make(
+    todo: list[Acquisition],
+    store: Store,
+    chosen: backend.Backend,
+    pool: ProcessPoolExecutor,
+    progress: ViewProgress,
+    acquired: Acquired,
+) -> None:
+    waiting: dict[Future[Path], Acquisition] = {}
+    renderers: dict[str, Renderer] = {}
+    for item in todo:
+        request = item.request
+        if not _certified(item, store, acquired):
+            progress.note(f"rendering camera {request.camera.name}")
+            begin = time.perf_counter()
+            try:
+                view = _renderer(request.state, store, chosen, renderers).render(request)
+                with atomic_path(store.view(request.key)) as temporary:
+                    write_view(temporary, view, request)
+            except StoreError:
+                raise
+            except Exception as error:  # one failing view must not end the sweep
+                acquired.failed[request.key] = f"{type(error).__name__}: {error}"
+                progress.advance("failed")
+                continue
+            acquired.render_seconds[request.key] = time.perf_counter() - begin
+            acquired.certificates[request.key] = view.certificate
+            acquired.rendered += 1
+        waiting[pool.submit(measure, item.task(store))] = item
+        while len(waiting) > MOST_WAITING:
+            _collect(waiting, progress, acquired)
+    while waiting:
+        _collect(waiting, progress, acquired)
+
+
+def _collect(waiting: dict[Future[Path], Acquisition], progress: ViewProgress, acquired: Acquired) -> None:
+    done, _ = wait(waiting, return_when=FIRST_COMPLETED)
+    for future in done:
+        item = waiting.pop(future)
+        error = future.exception()
+        if error is None:
+            acquired.measured_items.add(item)
+        else:
+            acquired.failed[item.request.key] = f"{type(error).__name__}: {error}"
+        progress.advance(f"measured camera {item.request.camera.name}")
+
+
+def _renderer(state: SceneState, store: Store, chosen: backend.Backend, renderers: dict[str, Renderer]) -> Renderer:
+    key = state_key(state)
+    if key not in renderers:
+        renderers[key] = Renderer(state, baked(state, store), chosen)
+    return renderers[key]
+
+
+def baked(state: SceneState, store: Store) -> glow.GlowMeshes:
+    """The lit scene of a state, from the store or solved now."""
+    path = store.light(state_key(state))
+    arrays = store.load(path)
+    if arrays is None:
+        meshes = glow.bake(state, solve_radiosity(state))
+        store.save(path, {name: np.asarray(value) for name, value in vars(meshes).items()})
+        return meshes
+    return glow.GlowMeshes(**arrays)

@@ -1,0 +1,110 @@
+"""Set prediction and measurement of one configuration side by side: the only place where the two meet."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pss import Evaluation, PTZCamera, evaluate
+from pss.metric import largest_standard_deviation, root_trace
+from scenes import Scene
+from validate.errors3d import MeasuredErrors, measured_pss
+from validate.measure import ViewMeasurement
+from validate.track import Tracked, track_static
+from validate.triangulate import Triangulated, triangulate
+
+__all__ = ["Assessment", "assess", "measure_configuration", "predict"]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """What the images of one configuration say, whatever the noise model.
+
+    Attributes:
+        errors: of the maximum likelihood estimate over all views.
+        linear: of `cv2.triangulatePoints` over the widest pair.
+        triangulated: the estimates themselves.
+        tracked: second moments of the static filter's errors.
+    """
+
+    errors: MeasuredErrors
+    linear: MeasuredErrors
+    triangulated: Triangulated
+    tracked: Tracked
+
+    @property
+    def filter_sigma_m(self) -> Floats:
+        """m, (N,), √λmax of the filter's predicted error: what σ∞ is compared with."""
+        return largest_standard_deviation(self.tracked.prior_moment_m2)
+
+    @property
+    def prior_rms_m(self) -> Floats:
+        """m, (N,), √tr of the filter's predicted error."""
+        return root_trace(self.tracked.prior_moment_m2)
+
+    @property
+    def posterior_rms_m(self) -> Floats:
+        """m, (N,), √tr of the filter's updated error."""
+        return root_trace(self.tracked.posterior_moment_m2)
+
+    @property
+    def pss_filter(self) -> float:
+        """1/m, measured PSS of the filter kind (beside the paper's PSS)."""
+        return measured_pss(self.filter_sigma_m, self.errors.detection_rate)
+
+
+@dataclass(frozen=True, eq=False)
+class Assessment:
+    """A configuration with its prediction by each noise model and its measurement."""
+
+    cameras: tuple[PTZCamera, ...]
+    predicted: Mapping[str, Evaluation]
+    measured: Measured
+    view_detection_rate: Floats
+    """(C, N), share of the trials in which each view detected each marker."""
+
+
+def predict(scene: Scene, cameras: Sequence[PTZCamera]) -> dict[str, Evaluation]:
+    """The metric of a configuration, by the name of each of the scene's noise models."""
+    state = scene.state
+    return {
+        model.name: evaluate(
+            cameras, state.points_m, state.normals, noise=model, process=scene.process, occluder=state.occluders
+        )
+        for model in scene.noise_models
+    }
+
+
+def measure_configuration(
+    scene: Scene, cameras: Sequence[PTZCamera], views: Sequence[ViewMeasurement], rng: np.random.Generator
+) -> Measured:
+    """Triangulate and track the points of interest from the detections of a configuration's views."""
+    truth = scene.state.points_m
+    pixels = np.array([view.pixels for view in views])
+    covariance = np.array([view.covariance for view in views])
+    triangulated = triangulate(cameras, pixels, covariance)
+    usable = np.isfinite(triangulated.points_m[..., 0])
+    kept = np.where(triangulated.used[..., None], pixels, np.nan)
+    return Measured(
+        MeasuredErrors(triangulated.points_m - truth),
+        MeasuredErrors(triangulated.linear_m - truth),
+        triangulated,
+        track_static(cameras, truth, kept, covariance, usable, scene.process, rng),
+    )
+
+
+def assess(
+    scene: Scene, cameras: Sequence[PTZCamera], views: Sequence[ViewMeasurement], rng: np.random.Generator
+) -> Assessment:
+    """Predict and measure one configuration."""
+    return Assessment(
+        tuple(cameras),
+        predict(scene, cameras),
+        measure_configuration(scene, cameras, views, rng),
+        np.array([view.detected.mean(axis=0) for view in views]),
+    )

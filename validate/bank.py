@@ -1,0 +1,116 @@
+"""A bank of views from which configurations are drawn: many configurations for few rays. The gate's own small bank.
+
+A configuration takes views of different cameras, since one camera has one setting at a time.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pss import NoiseModel, evaluate
+from render.sampling import Sampling
+from render.view import ViewRequest, random_stream
+from scenes import Scene, load_scene
+from scenes.sweep_file import SWEEPS
+from validate.acquire import Acquired, Acquisition
+from validate.assess import measure_configuration
+
+__all__ = [
+    "GATE_OVERRIDES",
+    "GATE_VIEWS",
+    "Bank",
+    "draw_configurations",
+    "gate_bank",
+    "measured_points",
+    "predicted_points",
+]
+
+Floats = NDArray[np.float64]
+
+# The room at a third of its resolution (same fields of view), with enough light that small markers are found.
+GATE_OVERRIDES = (
+    "sensor.resolution_px=[480, 360]",
+    "sensor.pixel_pitch_um=12.4",
+    "sensor.exposure_ms=2.0",
+)
+# (camera, zoom, focus distance in m): each camera once with the scene in focus and once well in front of it, at zooms
+# that trade markers in view for resolution, and two cameras a third time. Chosen before anything was measured.
+GATE_VIEWS = (
+    ("1", 4.0, 3.3), ("1", 4.0, 1.2),
+    ("2", 4.0, 3.9), ("2", 3.0, 1.4), ("2", 2.5, 3.9),
+    ("3", 3.5, 4.2), ("3", 4.0, 1.3),
+    ("4", 4.0, 3.8), ("4", 3.5, 1.2),
+    ("5", 3.5, 4.2), ("5", 4.0, 1.6),
+    ("6", 4.0, 3.9), ("6", 3.0, 1.1), ("6", 2.5, 3.9),
+    ("7", 4.0, 3.3), ("7", 3.5, 1.3),
+)  # fmt: skip
+GATE_TRIALS = 10
+GATE_SEED = 7
+
+
+@dataclass(frozen=True, eq=False)
+class Bank:
+    """A scene and the views that configurations are drawn from."""
+
+    scene: Scene
+    views: tuple[Acquisition, ...]
+
+    @property
+    def camera_names(self) -> tuple[str, ...]:
+        """The camera of each view."""
+        return tuple(view.request.camera.name for view in self.views)
+
+
+def gate_bank(renderer: str) -> Bank:
+    """The bank that `make test` renders."""
+    scene = load_scene(SWEEPS.parent / "room.toml", GATE_OVERRIDES)
+    views = []
+    for name, zoom, focus in GATE_VIEWS:
+        camera = dataclasses.replace(scene.camera(name), zoom=zoom, focus_distance_m=focus)
+        request = ViewRequest(scene.state, camera, scene.sensor, Sampling(), renderer)
+        views.append(Acquisition(request, GATE_SEED, GATE_TRIALS))
+    return Bank(scene, tuple(views))
+
+
+def draw_configurations(
+    camera_names: Sequence[str], size: int, count: int, rng: np.random.Generator
+) -> list[tuple[int, ...]]:
+    """Draw `count` different configurations of `size` views, each of another camera, as indices of views."""
+    possible = [
+        chosen
+        for chosen in combinations(range(len(camera_names)), size)
+        if len({camera_names[view] for view in chosen}) == size
+    ]
+    picked = rng.choice(len(possible), size=min(count, len(possible)), replace=False)
+    return [possible[number] for number in np.sort(picked)]
+
+
+def predicted_points(bank: Bank, configurations: Sequence[tuple[int, ...]], model: NoiseModel) -> Floats:
+    """1/m, (K, N), what each point adds to the predicted single-frame PSS; 0 where unobservable."""
+    state = bank.scene.state
+    rows = []
+    for chosen in configurations:
+        cameras = [bank.views[view].request.camera for view in chosen]
+        evaluation = evaluate(
+            cameras, state.points_m, state.normals, noise=model, process=bank.scene.process, occluder=state.occluders
+        )
+        rows.append(np.nan_to_num(1 / evaluation.single_frame_sigma_m))
+    return np.array(rows)
+
+
+def measured_points(bank: Bank, configurations: Sequence[tuple[int, ...]], acquired: Acquired) -> Floats:
+    """1/m, (K, N), what each point adds to the measured single-frame PSS."""
+    rows = []
+    for chosen in configurations:
+        wanted = [bank.views[view] for view in chosen]
+        cameras = [item.request.camera for item in wanted]
+        views = [acquired.measured[item] for item in wanted]
+        rng = random_stream(GATE_SEED, "+".join(item.request.key for item in wanted), "filter")
+        rows.append(measure_configuration(bank.scene, cameras, views, rng).errors.inverse_sigma)
+    return np.array(rows)

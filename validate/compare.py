@@ -1,0 +1,213 @@
+"""Correlation of metrics with measured yardsticks over the steps of a sweep, with intervals: `correlation.csv`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pss import METRICS, Evaluation
+from pss.metric import CAMERAS_TO_OBSERVE
+from validate.assess import Assessment
+from validate.errors3d import measured_inverse_sigma
+from validate.intervals import (
+    SweepReplicates,
+    interval,
+    kendall,
+    oracle_regret,
+    pearson_log,
+    regret,
+    weighted_spearman,
+)
+from validate.sweep import SweepResult
+
+__all__ = ["Correlation", "correlation_rows", "headline"]
+
+Floats = NDArray[np.float64]
+Row = dict[str, object]
+
+SHARE_THRESHOLD_M = 0.005
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """A number for each of S configurations, and its B resamples (B, S); None where it has none."""
+
+    name: str
+    values: Floats
+    samples: Floats | None
+    higher_is_better: bool
+    halves: tuple[Floats, Floats] | None = None
+
+
+@dataclass(frozen=True)
+class Correlation:
+    """Spearman's ρ with its interval."""
+
+    n: int
+    rho: float
+    low: float
+    high: float
+
+
+def correlation_rows(result: SweepResult) -> list[Row]:
+    """Rows of a sweep: each metric and noise model against each yardstick, over configurations and over points."""
+    rows: list[Row] = []
+    counts = {len(configuration.cameras) for configuration in result.configurations}
+    cameras = str(counts.pop()) if len(counts) == 1 else "all"
+    for model in result.noise_models:
+        replicates = result.replicates[model]
+        for metric in _metrics(result, model, replicates):
+            for yardstick in _yardsticks(result, replicates):
+                sign = 1 if metric.higher_is_better == yardstick.higher_is_better else -1
+                found = _correlate(metric, yardstick, sign)
+                rows.append(
+                    _row(result, metric.name, model, "configuration", yardstick.name, cameras, found)
+                    | {
+                        "kendall": sign * kendall(metric.values, yardstick.values),
+                        "pearson_log": sign * pearson_log(metric.values, yardstick.values),
+                        "regret": _regret(metric, yardstick),
+                        "oracle_regret": oracle_regret(*yardstick.halves) if yardstick.halves else np.nan,
+                    }
+                )
+        rows += list(_point_rows(result, model, replicates, cameras))
+    return rows
+
+
+def headline(result: SweepResult, model: str, single_frame: bool) -> tuple[Correlation, float]:
+    """ρ of predicted with measured PSS over the steps, of one kind, and the regret (nan for the filter kind)."""
+    replicates = result.replicates[model]
+    metric = _metrics(result, model, replicates)[1 if single_frame else 0]
+    yardstick = _yardsticks(result, replicates)[0 if single_frame else 1]
+    return _correlate(metric, yardstick, 1), _regret(metric, yardstick)
+
+
+def _correlate(metric: Series, yardstick: Series, sign: int) -> Correlation:
+    rho = sign * float(weighted_spearman(metric.values, yardstick.values))
+    low = high = np.nan
+    if metric.samples is not None and yardstick.samples is not None:
+        samples = sign * np.asarray(weighted_spearman(metric.samples, yardstick.samples))
+        known = samples[np.isfinite(samples)]
+        if len(known) > len(samples) / 2:
+            low, high = (float(end) for end in interval(known))
+    return Correlation(len(metric.values), rho, low, high)
+
+
+def _regret(metric: Series, yardstick: Series) -> float:
+    if yardstick.halves is None:
+        return np.nan
+    return regret(metric.values, *yardstick.halves, higher_is_better=metric.higher_is_better)
+
+
+def _row(
+    result: SweepResult, metric: str, model: str, level: str, yardstick: str, cameras: str, found: Correlation
+) -> Row:
+    return {
+        "sweep": result.plan.sweep.name,
+        "metric": metric,
+        "noise_model": model,
+        "level": level,
+        "yardstick": yardstick,
+        "cameras": cameras,
+        "n": found.n,
+        "spearman": found.rho,
+        "spearman_ci_low": found.low,
+        "spearman_ci_high": found.high,
+    }
+
+
+def _metrics(result: SweepResult, model: str, replicates: SweepReplicates) -> list[Series]:
+    """The metrics of `pss.METRICS`, those that are a mean over points with resamples."""
+    evaluations = [assessment.predicted[model] for assessment in result.assessments]
+    means = {"pss": _inverse_sigma, "pss-single-frame": _inverse_single_frame_sigma, "visible-share": _seen_twice}
+    found = []
+    for name, metric in METRICS.items():
+        values = np.array([metric.score(evaluation) for evaluation in evaluations])
+        samples = None
+        if name in means:
+            samples = replicates.point_weights @ np.array([means[name](e) for e in evaluations]).T
+        else:
+            samples = np.broadcast_to(values, (len(replicates.point_weights), len(values)))
+        found.append(Series(name, values, samples, metric.higher_is_better))
+    return found
+
+
+def _inverse_sigma(evaluation: Evaluation) -> Floats:
+    return np.nan_to_num(1 / evaluation.sigma_m)
+
+
+def _inverse_single_frame_sigma(evaluation: Evaluation) -> Floats:
+    return np.nan_to_num(1 / evaluation.single_frame_sigma_m)
+
+
+def _seen_twice(evaluation: Evaluation) -> Floats:
+    return (evaluation.visible.sum(axis=0) >= CAMERAS_TO_OBSERVE).astype(float)
+
+
+def _yardsticks(result: SweepResult, replicates: SweepReplicates) -> list[Series]:
+    """Measured PSS of both kinds, the share of all points under 5 mm, and the median RMS over all points."""
+    errors = [assessment.measured.errors for assessment in result.assessments]
+    halves = [e.halves() for e in errors]
+    filtered = np.array([_inverse_filter_sigma(assessment) for assessment in result.assessments])
+    under = np.array([np.linalg.norm(e.errors_m, axis=2) < SHARE_THRESHOLD_M for e in errors]).astype(float)
+    share = np.einsum("bt,stn,bn->bs", replicates.trial_weights, under, replicates.point_weights, optimize=True)
+    return [
+        Series(
+            "measured_pss_single_frame",
+            result.measured_pss(True),
+            replicates.measured_pss,
+            True,
+            result.measured_halves(),
+        ),
+        # The filter's own record is long; what is left to chance is which points there are.
+        Series("measured_pss_filter", result.measured_pss(False), replicates.point_weights @ filtered.T, True),
+        Series(
+            "share_under_5mm",
+            under.mean(axis=(1, 2)),
+            share,
+            True,
+            (
+                np.array([a.share_under(SHARE_THRESHOLD_M) for a, _ in halves]),
+                np.array([b.share_under(SHARE_THRESHOLD_M) for _, b in halves]),
+            ),
+        ),
+        Series("median_rms_m", np.array([e.median_rms_m for e in errors]), None, False),
+    ]
+
+
+def _inverse_filter_sigma(assessment: Assessment) -> Floats:
+    measured = assessment.measured
+    return measured_inverse_sigma(measured.filter_sigma_m, measured.errors.detection_rate)
+
+
+def _point_rows(result: SweepResult, model: str, replicates: SweepReplicates, cameras: str) -> Iterator[Row]:
+    """Predicted against measured RMS and σ per point, pooled over the steps; intervals from the points' weights."""
+    pairs = {
+        ("pss-single-frame", "measured_rms_m"): (
+            [a.predicted[model].single_frame_rms_m for a in result.assessments],
+            [a.measured.errors.rms_m for a in result.assessments],
+        ),
+        ("pss", "measured_filter_sigma_m"): (
+            [a.predicted[model].sigma_m for a in result.assessments],
+            [a.measured.filter_sigma_m for a in result.assessments],
+        ),
+    }
+    for (metric, yardstick), (predicted, measured) in pairs.items():
+        x, y = np.concatenate(predicted), np.concatenate(measured)
+        point = np.tile(np.arange(len(predicted[0])), len(predicted))
+        known = np.isfinite(x) & np.isfinite(y)
+        x, y, point = x[known], y[known], point[known]
+        if len(x) < 3:
+            continue
+        rho = float(weighted_spearman(x, y))
+        samples = weighted_spearman(x, y, replicates.point_weights[:, point])
+        low, high = interval(samples)
+        found = Correlation(len(x), rho, float(low), float(high))
+        yield _row(result, metric, model, "point", yardstick, cameras, found) | {
+            "kendall": kendall(x, y),
+            "pearson_log": pearson_log(x, y),
+            "regret": np.nan,
+            "oracle_regret": np.nan,
+        }

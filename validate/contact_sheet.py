@@ -1,0 +1,72 @@
+"""A contact sheet of a sweep's captures: what the cameras saw, with what the detector found drawn in."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from render.exr import read_view
+from validate.acquire import Acquisition
+from validate.detect import find_markers
+from validate.store import Store, atomic_path
+from validate.sweep import SweepResult
+
+__all__ = ["contact_sheet", "displayed"]
+
+THUMBNAIL_PX = 420
+MOST_COLUMNS, MOST_ROWS = 4, 3
+GREEN, WHITE = (80, 220, 60), (255, 255, 255)
+
+
+def displayed(capture_dn: NDArray[np.uint16], black_level_dn: int) -> NDArray[np.uint8]:
+    """A capture as an 8-bit grey picture: black level off, bright end at the 99.7th percentile, gamma 2.2."""
+    light = np.maximum(capture_dn.astype(np.float32) - black_level_dn, 0)
+    return np.asarray(255 * np.clip(light / max(np.percentile(light, 99.7), 1), 0, 1) ** (1 / 2.2), dtype=np.uint8)
+
+
+def contact_sheet(path: Path, result: SweepResult, store: Store) -> Path:
+    """Write the captures of the varied cameras (rows) over a few steps of the sweep (columns)."""
+    steps = np.unique(np.linspace(0, len(result.configurations) - 1, MOST_COLUMNS).astype(int))
+    columns = []
+    for step in steps:
+        configuration, wanted = result.configurations[step], result.views[step]
+        names = _cameras_to_show(result)
+        pairs = zip(configuration.cameras, wanted, strict=True)
+        shown = [(camera, item) for camera, item in pairs if names is None or camera.name in names][:MOST_ROWS]
+        columns.append([_thumbnail(item, store, f"{configuration.label}  camera {c.name}") for c, item in shown])
+    rows = max(len(column) for column in columns)
+    height, width = max(picture.shape[:2] for column in columns for picture in column)
+    sheet = np.full((rows * (height + 6), len(columns) * (width + 6), 3), 255, dtype=np.uint8)
+    for c, column in enumerate(columns):
+        for r, picture in enumerate(column):
+            top, left = r * (height + 6), c * (width + 6)
+            sheet[top : top + picture.shape[0], left : left + picture.shape[1]] = picture
+    with atomic_path(path) as temporary:
+        cv2.imwrite(str(temporary), sheet)
+    return path
+
+
+def _cameras_to_show(result: SweepResult) -> set[str] | None:
+    """Names of the cameras whose settings change over the sweep; None to show those that there are."""
+    first = {camera.name: camera for camera in result.configurations[0].cameras}
+    last = {camera.name: camera for camera in result.configurations[-1].cameras}
+    changed = {name for name, camera in first.items() if name in last and camera != last[name]}
+    return changed or None
+
+
+def _thumbnail(item: Acquisition, store: Store, caption: str) -> NDArray[np.uint8]:
+    view = read_view(store.view(item.request.key))
+    grey = displayed(view.capture_dn, view.sensor.black_level_dn)
+    scale = THUMBNAIL_PX / grey.shape[1]
+    small = cv2.cvtColor(cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), cv2.COLOR_GRAY2BGR)
+    found = find_markers(view.capture_dn, item.request.state.print.dictionary)
+    for corners in found.corners_px:
+        outline = np.rint((corners + 0.5) * scale - 0.5).astype(np.int32)
+        cv2.polylines(small, [outline], True, GREEN, 1, cv2.LINE_AA)
+    cv2.rectangle(small, (0, 0), (small.shape[1], 18), (0, 0, 0), -1)
+    text = f"{caption}: {len(found.ids)} found"
+    cv2.putText(small, text, (5, 13), cv2.FONT_HERSHEY_SIMPLEX, 0.42, WHITE, 1, cv2.LINE_AA)
+    return np.asarray(small)

@@ -1,0 +1,142 @@
+"""A run's figures: curves in the manner of the paper's Figures 1 to 3, points, and contact sheets of the captures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import BoundaryNorm
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
+from numpy.typing import NDArray
+
+from validate.contact_sheet import contact_sheet
+from validate.illustration import draw_configuration, shared_colours
+from validate.intervals import interval
+from validate.store import Store, atomic_path
+from validate.sweep import SweepResult
+
+__all__ = ["draw_all", "points_figure", "sweep_figure"]
+
+Floats = NDArray[np.float64]
+
+MEASURED = "#111111"
+# Colour-blind safe (Okabe and Ito).
+MODEL_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
+AXIS_NAMES = {
+    "zoom": "zoom (90° / field of view)",
+    "focus_distance_m": "focus distance in m",
+    "pan_deg": "pan in degrees",
+    "tilt_deg": "tilt in degrees",
+    "f_number": "f-number",
+    "selection": "cameras",
+}
+DPI = 130
+
+
+def draw_all(folder: Path, results: Sequence[SweepResult], store: Store) -> list[Path]:
+    """Draw every figure of a run into `folder`/figures and return their paths."""
+    drawn = []
+    for result in results:
+        if not result.assessments:
+            continue
+        name = result.plan.sweep.name
+        for suffix, figure in (("", sweep_figure(result)), ("_points", points_figure(result))):
+            path = folder / "figures" / f"{name}{suffix}.png"
+            with atomic_path(path) as temporary:
+                figure.savefig(temporary, dpi=DPI, format="png")
+            plt.close(figure)
+            drawn.append(path)
+        drawn.append(contact_sheet(folder / "figures" / f"{name}_captures.png", result, store))
+    return drawn
+
+
+def sweep_figure(result: SweepResult) -> Figure:
+    """Two configurations of a sweep in space above, predicted and measured PSS over its steps below."""
+    figure = plt.figure(figsize=(12, 10), layout="constrained")
+    figure.suptitle(result.plan.sweep.title, fontsize=15)
+    grid = figure.add_gridspec(2, 2, height_ratios=[1.15, 1])
+    shown = (len(result.configurations) // 4, len(result.configurations) - 1)
+    norm = shared_colours(result, shown)
+    for column, step in enumerate(shown):
+        axes = figure.add_subplot(grid[0, column], projection="3d")
+        draw_configuration(axes, result, step, norm)
+    bar = figure.colorbar(
+        matplotlib.cm.ScalarMappable(norm, "viridis_r"), ax=figure.axes[:2], shrink=0.7, pad=0.02, aspect=30
+    )
+    bar.ax.yaxis.set_major_formatter("{x:g}")
+    bar.ax.yaxis.set_minor_formatter("{x:g}")
+    bar.set_label(f"predicted √λmax of C in mm ({result.noise_models[-1]}); grey: unobservable")
+    _curves(figure.add_subplot(grid[1, 0]), result, single_frame=True)
+    _curves(figure.add_subplot(grid[1, 1]), result, single_frame=False)
+    return figure
+
+
+def _curves(axes: Axes, result: SweepResult, single_frame: bool) -> None:
+    """PSS over the steps, each curve relative to its own maximum, which the legend gives."""
+    selection = result.configurations[0].parameter == "selection"
+    labels = [str(configuration.value) for configuration in result.configurations]
+    x = np.arange(len(labels)) if selection else np.array([float(c.value) for c in result.configurations])
+    measured = result.measured_pss(single_frame)
+    best = measured.max() or 1.0
+    if single_frame:
+        low, high = interval(next(iter(result.replicates.values())).measured_pss)
+        axes.fill_between(x, low / best, high / best, color=MEASURED, alpha=0.15, lw=0, label="95 % interval")
+    _curve(axes, x, measured, MEASURED, "o-", "measured")
+    for number, model in enumerate(result.noise_models):
+        colour = MODEL_COLOURS[number % len(MODEL_COLOURS)]
+        _curve(axes, x, result.predicted_pss(model, single_frame), colour, "s--", f"predicted, {model}")
+    axes.set_xlabel(AXIS_NAMES.get(result.configurations[0].parameter, result.configurations[0].parameter))
+    axes.set_ylabel("PSS relative to its maximum")
+    kind = "single frame: C against triangulation" if single_frame else "filter: P∞ against tracking"
+    axes.set_title(f"{kind} (★ optimum)", fontsize=11)
+    if selection:
+        axes.set_xticks(x, labels)
+    axes.set_ylim(bottom=0)
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=8)
+
+
+def _curve(axes: Axes, x: NDArray[np.generic], pss: Floats, colour: str, style: str, name: str) -> None:
+    best = int(np.argmax(pss))
+    scale = pss[best] or 1.0
+    axes.plot(x, pss / scale, style, color=colour, ms=4, lw=1.5, label=f"{name} (max {scale:.3g} /m)")
+    axes.plot(x[best], 1.0, "*", color=colour, ms=15, mec="white", zorder=5)
+
+
+def points_figure(result: SweepResult) -> Figure:
+    """Predicted against measured RMS of every point of every configuration, a panel for each noise model."""
+    models = result.noise_models
+    figure, panels = plt.subplots(1, len(models), figsize=(5.6 * len(models), 5.2), layout="constrained", squeeze=False)
+    figure.suptitle(f"{result.plan.sweep.title}: single-frame error of each point", fontsize=13)
+    views = np.concatenate([next(iter(a.predicted.values())).visible.sum(axis=0) for a in result.assessments])
+    measured = np.concatenate([a.measured.errors.rms_m for a in result.assessments]) * 1000
+    most = int(views.max(initial=2))
+    counts = BoundaryNorm(np.arange(1.5, most + 1), 256) if most > 2 else None
+    for axes, model in zip(panels[0], models, strict=True):
+        predicted = np.concatenate([a.predicted[model].single_frame_rms_m for a in result.assessments]) * 1000
+        known = np.isfinite(predicted) & np.isfinite(measured)
+        dots = axes.scatter(
+            predicted[known], measured[known], c=views[known], s=9, alpha=0.6, cmap="viridis", norm=counts, lw=0
+        )
+        axes.set(xscale="log", yscale="log", xlabel="predicted √tr C in mm", ylabel="measured RMS in mm", title=model)
+        axes.grid(alpha=0.3, which="both", lw=0.4)
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_major_formatter("{x:g}")
+            axis.set_minor_formatter(NullFormatter())
+        if known.any():
+            ends = np.array([predicted[known].min(), predicted[known].max()])
+            ratio = np.median(measured[known] / predicted[known])
+            axes.plot(ends, ends * ratio, color="0.4", lw=1, label=f"measured = {ratio:.3g} × predicted (median)")
+            axes.legend(fontsize=8, loc="upper left")
+        if counts is not None:
+            bar = figure.colorbar(dots, ax=axes, label="views that should see the point", ticks=range(2, most + 1))
+            bar.minorticks_off()
+    return figure

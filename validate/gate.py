@@ -1,0 +1,98 @@
+"""The gate: does the prediction rank configurations as the measurement does? A pure function from numbers to claims.
+
+A claim holds if the whole interval lies above its bound. It is judged within an equal camera count: over different
+counts, any number that grows with the cameras correlates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pss.errors import RangeError, ShapeError
+from validate.intervals import crossed_spearman
+
+__all__ = ["FEWEST_CONFIGURATIONS", "Claim", "format_claims", "judge"]
+
+# Fewer ranks than this say nothing: by pure chance one order in 120 of five configurations is the right one.
+FEWEST_CONFIGURATIONS = 8
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A statement that a run confirms or not.
+
+    Attributes:
+        name: what is claimed, in words.
+        figure: the measured figure, nan if it is not defined.
+        low, high: its 95 % interval.
+        bound: what `low` has to reach.
+        holds: it does. An unknown figure holds nothing.
+    """
+
+    name: str
+    figure: float
+    low: float
+    high: float
+    bound: float
+    holds: bool
+
+
+def judge(
+    metric_points: ArrayLike,
+    measured_points: ArrayLike,
+    views: Sequence[Sequence[int]],
+    rng: np.random.Generator,
+    *,
+    bound: float,
+    cameras: int | None = None,
+    label: str = "predicted PSS",
+    replicates: int = 500,
+) -> list[Claim]:
+    """Judge the rank correlation of predicted with measured single-frame PSS within each camera count.
+
+    Args:
+        metric_points: 1/m, (K, N), predicted single-frame 1/σ, 0 where unobservable.
+        measured_points: 1/m, (K, N), `MeasuredErrors.inverse_sigma` of each configuration.
+        views: the K configurations' views; their lengths are the camera counts.
+        bound: the least Spearman's ρ that the interval's lower end has to reach.
+        cameras: judge this count only; every count if None.
+        label: what predicts, for the claims' names.
+
+    Returns:
+        One claim for each camera count, in ascending order. With fewer than `FEWEST_CONFIGURATIONS` of a count, the
+        figure is unknown and the claim does not hold.
+    """
+    metric, measured = np.asarray(metric_points, dtype=np.float64), np.asarray(measured_points, dtype=np.float64)
+    if metric.ndim != 2 or metric.shape != measured.shape or len(views) != len(metric):
+        raise ShapeError(
+            f"metric_points {metric.shape}, measured_points {measured.shape} and {len(views)} configurations' views; "
+            "allowed: (K, N), (K, N) and K"
+        )
+    if not -1 <= bound <= 1:
+        raise RangeError(f"bound = {bound!r}; allowed: −1 to 1")
+    counts = np.array([len(configuration) for configuration in views])
+    claims = []
+    for count in sorted(set(counts.tolist())) if cameras is None else [cameras]:
+        chosen = np.flatnonzero(counts == count)
+        figures = (np.nan, np.nan, np.nan)
+        if len(chosen) >= FEWEST_CONFIGURATIONS:
+            table = np.array([list(views[k]) for k in chosen])
+            figures = crossed_spearman(metric[chosen], measured[chosen], table, rng, replicates)
+        name = f"Spearman of {label} with measured PSS, {count} cameras, {len(chosen)} configurations"
+        claims.append(Claim(name, *figures, bound, holds=bool(figures[1] >= bound)))
+    return claims
+
+
+def format_claims(claims: Iterable[Claim]) -> str:
+    """One line for each claim: verdict, name, figure, interval and bound."""
+    claims = list(claims)
+    width = max((len(claim.name) for claim in claims), default=0)
+    return "\n".join(
+        f"{'PASS' if claim.holds else 'FAIL'}  {claim.name:<{width}}  {claim.figure:+.3f}  "
+        f"[{claim.low:+.3f}, {claim.high:+.3f}]  bound {claim.bound:+.3f}"
+        for claim in claims
+    )

@@ -1,0 +1,107 @@
+"""A configuration in space: room, cameras with their fields of view, and the points coloured by predicted σ."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.colors import LogNorm
+from mpl_toolkits.mplot3d import Axes3D
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+from numpy.typing import NDArray
+
+from pss import PTZCamera, Rectangle, Sphere
+from render.geometry import plate_corners
+from validate.sweep import SweepResult
+
+__all__ = ["draw_configuration", "shared_colours"]
+
+Floats = NDArray[np.float64]
+
+PLATE_MODULES = 8.0
+VARIED, OTHER, IDLE = "#D55E00", "#0072B2", "0.7"
+
+
+def shared_colours(result: SweepResult, steps: Sequence[int]) -> LogNorm:
+    """One colour scale, in mm, for several steps of a sweep."""
+    sigma = np.concatenate([_sigma_mm(result, step) for step in steps])
+    known = sigma[np.isfinite(sigma)]
+    low, high = (np.percentile(known, [2, 98])) if len(known) else (1.0, 10.0)
+    return LogNorm(low, max(high, low * 1.01))
+
+
+def _sigma_mm(result: SweepResult, step: int) -> Floats:
+    return result.assessments[step].predicted[result.noise_models[-1]].single_frame_sigma_m * 1000
+
+
+def draw_configuration(axes: Axes3D, result: SweepResult, step: int, norm: LogNorm) -> None:
+    """Draw one step of a sweep."""
+    import matplotlib
+
+    scene, configuration = result.plan.scene, result.configurations[step]
+    room = scene.state.room
+    sigma = _sigma_mm(result, step)
+    colours = matplotlib.colormaps["viridis_r"](norm(np.nan_to_num(sigma, nan=norm.vmax)))
+    colours[~np.isfinite(sigma)] = (0.72, 0.72, 0.72, 1)
+    _objects(axes, result)
+    plates = [plate_corners(marker, PLATE_MODULES) for marker in scene.state.markers]
+    axes.add_collection3d(Poly3DCollection(plates, facecolors=colours, edgecolors="0.3", linewidths=0.3))
+    active = {camera.name for camera in configuration.cameras}
+    first = {camera.name: camera for camera in result.configurations[0].cameras}
+    for camera in scene.cameras:
+        if camera.name in active:
+            chosen = next(c for c in configuration.cameras if c.name == camera.name)
+            varied = configuration.parameter == "selection" or _differs(result, camera.name, first)
+            _camera(axes, chosen, VARIED if varied else OTHER)
+        else:
+            axes.scatter(*camera.position_m, color=IDLE, s=12)
+            axes.text(*camera.position_m, f" {camera.name}", color=IDLE, fontsize=8)
+    x, y, z = room.width_m / 2, room.length_m / 2, room.height_m
+    axes.set(xlim=(-x, x), ylim=(-y, y), zlim=(0, z))
+    axes.set_box_aspect((room.width_m, room.length_m, room.height_m), zoom=1.25)
+    axes.view_init(elev=38, azim=62)
+    axes.set_xticks([]), axes.set_yticks([]), axes.set_zticks([])
+    pss = result.assessments[step].predicted[result.noise_models[-1]].pss_single_frame
+    axes.set_title(f"{configuration.label}   PSS of C = {pss:.0f} /m", fontsize=11)
+
+
+def _differs(result: SweepResult, name: str, first: dict[str, PTZCamera]) -> bool:
+    last = {camera.name: camera for camera in result.configurations[-1].cameras}
+    return name not in first or first[name] != last.get(name)
+
+
+def _objects(axes: Axes3D, result: SweepResult) -> None:
+    for item in result.plan.scene.state.objects:
+        shape = item.shape
+        if isinstance(shape, Rectangle):
+            right, up = shape.right * shape.width_m / 2, shape.up * shape.height_m / 2
+            centre = np.array(shape.centre_m)
+            corners = [centre - right - up, centre + right - up, centre + right + up, centre - right + up]
+            axes.add_collection3d(Poly3DCollection([corners], facecolors="0.93", edgecolors="0.6", linewidths=0.6))
+        elif isinstance(shape, Sphere):
+            u, v = np.mgrid[0 : 2 * np.pi : 25j, 0 : np.pi : 13j]
+            x, y, z = shape.centre_m
+            r = shape.radius_m * 0.985
+            axes.plot_surface(
+                x + r * np.cos(u) * np.sin(v),
+                y + r * np.sin(u) * np.sin(v),
+                z + r * np.cos(v),
+                color="0.9",
+                lw=0,
+                shade=True,
+            )
+
+
+def _camera(axes: Axes3D, camera: PTZCamera, colour: str) -> None:
+    """Position, number, edges of the field of view up to the focus, and the plane in focus."""
+    position = np.array(camera.position_m)
+    width, height = camera.resolution
+    half = np.array([width, height]) / 2 / camera.focal_px * camera.focus_distance_m
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half
+    local = np.column_stack([corners, np.full(4, camera.focus_distance_m)])
+    plane = position + local @ camera.rotation
+    for corner in plane:
+        axes.plot(*np.column_stack([position, corner]), color=colour, lw=0.5, alpha=0.55)
+    axes.add_collection3d(Poly3DCollection([plane], facecolors=colour, alpha=0.06, edgecolors=colour, linewidths=0.4))
+    axes.scatter(*position, color=colour, s=26, depthshade=False)
+    axes.text(*(position + (0, 0, 0.12)), camera.name, color=colour, fontsize=9, weight="bold")

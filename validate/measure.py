@@ -1,0 +1,151 @@
+"""Measure one view: many noisy captures of one render, the markers found and localised in each.
+
+Runs in worker processes, which load neither Mitsuba nor the scene's geometry: a worker gets the image and the list of
+the markers' numbers, and nothing of where they are.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from render.exr import read_view
+from render.sensor import Sensor, capture
+from render.view import random_stream
+from validate.detect import find_markers
+from validate.localise import localise
+from validate.store import Store
+
+__all__ = [
+    "DETECTOR",
+    "MeasureTask",
+    "ViewMeasurement",
+    "load_measurement",
+    "measure",
+    "measure_capture",
+    "worker_pool",
+]
+
+Floats = NDArray[np.float64]
+
+# Named in the store's hash: raised whenever detection or localisation change.
+DETECTOR = "registration-1"
+
+
+@dataclass(frozen=True, eq=False)
+class ViewMeasurement:
+    """Detections of one view over T trials and the scene's N markers.
+
+    Attributes:
+        pixels: px, OpenCV's, (T, N, 2); nan where a marker was not found or not localised.
+        covariance: px², each detection's own, (T, N, 2, 2); nan likewise.
+        strangers: detections of markers that the scene does not have.
+        seconds: s, spent on captures, search and localisation.
+    """
+
+    pixels: Floats
+    covariance: Floats
+    strangers: int
+    seconds: float
+
+    @property
+    def detected(self) -> NDArray[np.bool_]:
+        """(T, N), found and localised."""
+        return np.isfinite(self.pixels[..., 0])
+
+
+@dataclass(frozen=True)
+class MeasureTask:
+    """What a worker needs to measure a view."""
+
+    store: Path
+    view_key: str
+    dictionary: str
+    marker_ids: tuple[int, ...]
+    seed: int
+    trials: int
+
+    @property
+    def path(self) -> Path:
+        """Where the measurement is stored."""
+        detector = f"{DETECTOR}/{self.dictionary}/{','.join(map(str, self.marker_ids))}"
+        return Store(self.store).measurement(self.view_key, detector, self.seed, self.trials)
+
+
+def measure_capture(
+    capture_dn: NDArray[np.uint16], dictionary: str, marker_ids: tuple[int, ...], sensor: Sensor
+) -> tuple[Floats, Floats, int]:
+    """Find and localise markers in one capture: pixels (N, 2), covariance (N, 2, 2), and the number of strangers."""
+    pixels = np.full((len(marker_ids), 2), np.nan)
+    covariance = np.full((len(marker_ids), 2, 2), np.nan)
+    index = {marker: number for number, marker in enumerate(marker_ids)}
+    found = find_markers(capture_dn, dictionary)
+    strangers = 0
+    for marker, corners in zip(found.ids.tolist(), found.corners_px, strict=True):
+        if marker not in index:
+            strangers += 1
+            continue
+        localised = localise(capture_dn, corners, marker, dictionary, sensor)
+        if localised is not None:
+            pixels[index[marker]], covariance[index[marker]] = localised.centre_px, localised.covariance_px2
+    return pixels, covariance, strangers
+
+
+def measure(task: MeasureTask) -> Path:
+    """Measure a stored view over its trials and store the result."""
+    begin = time.perf_counter()
+    store = Store(task.store)
+    view = read_view(store.view(task.view_key))
+    electrons = view.expected_electrons()
+    trials = []
+    for trial in range(task.trials):
+        numbers = capture(electrons, view.sensor, random_stream(task.seed, task.view_key, "capture", trial))
+        trials.append(measure_capture(numbers, task.dictionary, task.marker_ids, view.sensor))
+    pixels, covariances, strangers = zip(*trials, strict=True)
+    store.save(
+        task.path,
+        {
+            "pixels": np.array(pixels),
+            "covariance": np.array(covariances),
+            "strangers": np.array(sum(strangers)),
+            "seconds": np.array(time.perf_counter() - begin),
+        },
+    )
+    return task.path
+
+
+def load_measurement(task: MeasureTask) -> ViewMeasurement | None:
+    """The stored measurement of a view, or None."""
+    arrays = Store(task.store).load(task.path)
+    if arrays is None:
+        return None
+    return ViewMeasurement(
+        arrays["pixels"].astype(float),
+        arrays["covariance"].astype(float),
+        int(arrays["strangers"]),
+        float(arrays["seconds"]),
+    )
+
+
+def worker_pool(workers: int) -> ProcessPoolExecutor:
+    """Processes that measure; "spawn", because a fork of a process with Dr.Jit's threads hangs."""
+    # One view a core: libraries that start threads of their own only get in each other's way.
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    return ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_start_worker)
+
+
+def _start_worker() -> None:
+    import signal
+
+    # Ctrl-C reaches the whole group; the parent stops the workers.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    cv2.setNumThreads(1)

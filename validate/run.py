@@ -1,0 +1,195 @@
+"""One run of the command: from the files it is given to the folder it leaves."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.metadata
+import json
+import os
+import platform
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+
+from pss import RangeError
+from render import backend
+from render.sampling import Sampling
+from scenes import SceneError, load_scene, load_sweep
+from validate import claims, compare, figures, summary, tables
+from validate.acquire import Acquired, Acquisition, acquire
+from validate.progress import EXPECTED_SECONDS, ViewProgress, clock
+from validate.store import Store, StoreError, write_text
+from validate.sweep import Plan, SweepResult, assess_sweep, plan
+
+__all__ = ["Options", "execute"]
+
+MEGABYTES_A_VIEW = 10
+
+
+@dataclass(frozen=True)
+class Options:
+    """What the command line says; see `run_sweep.run_sweep`."""
+
+    sweeps: tuple[str, ...]
+    scene: Path | None = None
+    out: Path | None = None
+    store: Path = Path("results/store")
+    trials: int | None = None
+    seed: int | None = None
+    set: tuple[str, ...] = ()
+    variant: str | None = None
+    dry_run: bool = False
+
+    @property
+    def folder(self) -> Path:
+        """Where the results go."""
+        return self.out or Path("results") / "-".join(Path(name).stem for name in self.sweeps)
+
+
+def execute(options: Options, console: Console, errors: Console) -> int:
+    """Run, print the tables, and return the exit code.
+
+    Raises:
+        PSSError: the user's mistake; nothing was rendered yet.
+    """
+    begin = time.perf_counter()
+    _check(options)
+    chosen = backend.choose(options.variant)
+    plans = _plans(options, chosen)
+    console.print(str(chosen), markup=False)
+    store = Store(options.store)
+    wanted = [item for each in plans for views in each.views for item in views]
+    if options.dry_run:
+        _announce(plans, wanted, store, console)
+        return 0
+
+    acquired = acquire(wanted, store, chosen, lambda total: ViewProgress(total, errors))
+    after_views = time.perf_counter()
+    results = [assess_sweep(each, acquired) for each in plans]
+    after_assessment = time.perf_counter()
+    _write(options.folder, results, wanted, acquired, store)
+    after_tables = time.perf_counter()
+    figures.draw_all(options.folder, results, store)
+    seconds = {
+        "views": after_views - begin,
+        "assessment": after_assessment - after_views,
+        "tables": after_tables - after_assessment,
+        "figures": time.perf_counter() - after_tables,
+        "total": time.perf_counter() - begin,
+    }
+    _write_run(options, plans, chosen, acquired, seconds)
+    summary.show(results, acquired, console)
+    console.print(
+        f"{len({i.request.key for i in wanted})} views ({acquired.rendered} rendered, "
+        f"{len(acquired.measured_items)} measured now) in {clock(seconds['total'])}; results in {options.folder}",
+        markup=False,
+    )
+    for key, cause in acquired.failed.items():
+        errors.print(f"view {key} failed: {cause}", markup=False, style="red")
+    return 1 if acquired.failed else 0
+
+
+def _check(options: Options) -> None:
+    """What the user can get wrong before any file is read."""
+    if options.trials is not None and options.trials < 2:
+        raise RangeError(f"--trials {options.trials}; allowed: 2 or more (choices are made and scored on two halves)")
+    if options.seed is not None and options.seed < 0:
+        raise RangeError(f"--seed {options.seed}; allowed: 0 or more")
+    names = [Path(name).stem for name in options.sweeps]
+    for name in names:
+        if names.count(name) > 1:
+            raise RangeError(f"sweep {name!r} is given twice; allowed: each once, as it names its rows")
+    for flag, folder in (("--out", options.folder), ("--store", options.store)):
+        if folder.exists() and not folder.is_dir():
+            raise StoreError(f"{flag} {folder} is a file; allowed is a folder")
+        existing = next(parent for parent in [folder, *folder.resolve().parents] if parent.exists())
+        if not os.access(existing, os.W_OK):
+            raise StoreError(f"{flag} {folder} cannot be written; allowed is a folder that you may write to")
+
+
+def _plans(options: Options, chosen: backend.Backend) -> list[Plan]:
+    """Read all files and report all their problems together."""
+    plans, problems = [], []
+    overrides = list(options.set)
+    if options.trials is not None:
+        overrides.append(f"sweep.trials={options.trials}")
+    if options.seed is not None:
+        overrides.append(f"sweep.seed={options.seed}")
+    for name in options.sweeps:
+        try:
+            sweep = load_sweep(name, overrides)
+            scene = load_scene(options.scene or sweep.scene_path, overrides)
+            plans.append(plan(sweep, scene, chosen.identity, Sampling()))
+        except SceneError as error:
+            problems += [problem for problem in error.problems if problem not in problems]
+    if problems:
+        raise SceneError(problems)
+    return plans
+
+
+def _announce(plans: Sequence[Plan], wanted: Sequence[Acquisition], store: Store, console: Console) -> None:
+    """Say what a run would do."""
+    unique = list(dict.fromkeys(wanted))
+    missing = [item for item in unique if not store.view(item.request.key).exists()]
+    unmeasured = [item for item in unique if not item.task(store).path.exists()]
+    for each in plans:
+        console.print(f"{each.sweep.name}: {len(each.configurations)} configurations", markup=False)
+    console.print(
+        f"{len(unique)} views: {len(missing)} to render, {len(unmeasured)} to measure; about "
+        f"{clock(EXPECTED_SECONDS * len(unmeasured))} and {MEGABYTES_A_VIEW * len(missing)} MB",
+        markup=False,
+    )
+
+
+def _write(
+    folder: Path, results: Sequence[SweepResult], wanted: Sequence[Acquisition], acquired: Acquired, store: Store
+) -> None:
+    """Write the CSV files and point `views/` into the store."""
+    whole = [result for result in results if result.assessments]
+    tables.write_csv(folder / "configurations.csv", [r for result in whole for r in tables.configuration_rows(result)])
+    tables.write_csv(folder / "points.csv", [r for result in whole for r in tables.point_rows(result)])
+    tables.write_csv(folder / "views.csv", tables.view_rows(whole, acquired))
+    tables.write_csv(folder / "timings.csv", tables.timing_rows(wanted, acquired))
+    tables.write_csv(folder / "detection.csv", tables.detection_rows(whole))
+    tables.write_csv(folder / "correlation.csv", [r for result in whole for r in compare.correlation_rows(result)])
+    tables.write_csv(folder / "claims.csv", [r for result in whole for r in claims.claim_rows(result)])
+    views = folder / "views"
+    views.mkdir(parents=True, exist_ok=True)
+    for key in {item.request.key for item in wanted} - set(acquired.failed):
+        link, target = views / f"{key}.exr", store.view(key)
+        if link.is_symlink() or link.exists():
+            link.unlink()
+        link.symlink_to(os.path.relpath(target, views))
+
+
+def _write_run(
+    options: Options,
+    plans: Sequence[Plan],
+    chosen: backend.Backend,
+    acquired: Acquired,
+    seconds: dict[str, float],
+) -> None:
+    packages = ("mitsuba", "drjit", "opencv-contrib-python-headless", "numpy", "scipy", "OpenImageIO", "pss-testbed")
+    content = {
+        "options": {name: str(value) for name, value in dataclasses.asdict(options).items()},
+        "sweeps": {each.sweep.name: each.sweep.resolved() for each in plans},
+        "scenes": {each.sweep.name: each.scene.resolved() for each in plans},
+        "seeds": {each.sweep.name: each.sweep.seed for each in plans},
+        "renderer": chosen.identity,
+        "versions": {name: _version(name) for name in packages} | {"python": platform.python_version()},
+        "seconds": seconds,
+        "rendered": acquired.rendered,
+        "measured": len(acquired.measured_items),
+        "failed": acquired.failed,
+    }
+    write_text(options.folder / "run.json", json.dumps(content, indent=2) + "\n")
+
+
+def _version(package: str) -> str:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return "not installed"

@@ -1,0 +1,86 @@
+"""The command: predict and measure sweeps of camera settings, and leave tables and figures behind.
+
+    python validate/run_sweep.py zoom focus selection
+
+Heavy imports come after the command line is parsed, so that --help and a misspelt option answer at once.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Literal
+
+if __package__ in (None, ""):  # run as a script: the project's root is the parent of this file's folder
+    sys.path[0] = str(Path(__file__).resolve().parents[1])
+
+import tyro
+
+__all__ = ["main", "run_sweep"]
+
+RESERVED = ("store", "compare", "check", "new-scene", "figures")
+EXIT_DONE, EXIT_FAILED, EXIT_MISTAKE, EXIT_INTERRUPTED = 0, 1, 2, 130
+
+
+def run_sweep(
+    sweeps: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="SWEEP…")],
+    /,
+    scene: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
+    out: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None,
+    store: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("results/store"),
+    trials: Annotated[int | None, tyro.conf.arg(metavar="N")] = None,
+    seed: Annotated[int | None, tyro.conf.arg(metavar="N")] = None,
+    set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="KEY=VALUE")] = (),
+    variant: Literal["llvm_ad_mono", "cuda_ad_mono", "scalar_rgb"] | None = None,
+    dry_run: bool = False,
+) -> int:
+    """Predict and measure sweeps of camera settings.
+
+    Examples:
+      run_sweep.py zoom focus selection
+      run_sweep.py zoom --set sensor.exposure_ms=8 --set cameras.2.focus_distance_m=3.5
+      run_sweep.py my_sweep.toml --out results/mine --trials 50
+
+    Args:
+        sweeps: names of files in scenes/sweeps, or paths of such files.
+        scene: scene file to use in place of the sweeps' own.
+        out: folder for the results (default: results/ and the sweeps' names).
+        store: folder of rendered views and measurements, shared by all runs.
+        trials: noisy captures of each view, in place of the sweeps' own number.
+        seed: of the run, in place of the sweeps' own.
+        set: override a key of the scene file, or (sweep.KEY) of the sweep file; may be repeated.
+        variant: Mitsuba's variant (default: LLVM if a libLLVM is found, else scalar).
+        dry_run: say what would be done, and stop.
+    """
+    from rich.console import Console
+
+    from validate.run import Options, execute
+
+    options = Options(sweeps, scene, out, store, trials, seed, set, variant, dry_run)
+    # In a file or a pipe the tables keep their columns; 80 would break every line.
+    wide = None if sys.stdout.isatty() else 140
+    return execute(options, Console(width=wide), Console(stderr=True))
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Parse the command line, run, and turn the user's mistakes into one line and exit code 2."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    if arguments and arguments[0] in RESERVED:
+        print(f"run_sweep.py: '{arguments[0]}' is kept for a subcommand that does not exist yet", file=sys.stderr)
+        return EXIT_MISTAKE
+    try:
+        return tyro.cli(run_sweep, prog="run_sweep.py", args=arguments)
+    except KeyboardInterrupt:
+        print("interrupted; what is rendered and measured stays in the store", file=sys.stderr)
+        return EXIT_INTERRUPTED
+    except Exception as error:
+        from pss import PSSError
+
+        if not isinstance(error, PSSError):
+            raise
+        print(f"run_sweep.py: {error}", file=sys.stderr)
+        return EXIT_MISTAKE
+
+
+if __name__ == "__main__":
+    sys.exit(main())

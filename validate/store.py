@@ -1,0 +1,95 @@
+"""Where views, solved light and measurements lie, found by the hash of all that determines them.
+
+A file is written under a temporary name and renamed: what is there is whole. Several runs share one store.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import hashlib
+import io
+import os
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pss import PSSError
+
+__all__ = ["Store", "StoreError", "atomic_path", "write_text"]
+
+Arrays = dict[str, NDArray[np.generic]]
+
+
+class StoreError(PSSError, OSError):
+    """A folder cannot be used, or the disk is full."""
+
+
+@contextlib.contextmanager
+def atomic_path(path: Path) -> Iterator[Path]:
+    """A temporary path beside `path` that takes its name when the block ends well, and is removed if it does not."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=path.suffix)
+    except OSError as error:
+        raise StoreError(f"{path.parent}: {error.strerror}; allowed is a folder that can be written") from error
+    os.close(handle)
+    temporary = Path(name)
+    try:
+        yield temporary
+        os.chmod(temporary, 0o644)
+        temporary.replace(path)
+    except OSError as error:
+        if error.errno == errno.ENOSPC:
+            raise StoreError(f"{path}: the disk is full; what is stored already is whole and will be found") from error
+        raise
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file whole or not at all."""
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+@dataclass(frozen=True)
+class Store:
+    """A folder of views (EXR), solved light and measurements (NPZ)."""
+
+    folder: Path
+
+    def view(self, key: str) -> Path:
+        """Path of a view's image."""
+        return self.folder / "views" / key[:2] / f"{key}.exr"
+
+    def light(self, key: str) -> Path:
+        """Path of the baked scene of a scene state."""
+        return self.folder / "light" / f"{key}.npz"
+
+    def measurement(self, view_key: str, detector: str, seed: int, trials: int) -> Path:
+        """Path of a view's detections over its trials."""
+        tail = hashlib.sha256(f"{detector}/{seed}/{trials}".encode()).hexdigest()[:12]
+        return self.folder / "measurements" / view_key[:2] / f"{view_key}-{tail}.npz"
+
+    def save(self, path: Path, arrays: Arrays) -> None:
+        """Write arrays to one of the store's paths."""
+        buffer = io.BytesIO()
+        np.savez_compressed(buffer, **arrays)
+        with atomic_path(path) as temporary:
+            temporary.write_bytes(buffer.getvalue())
+
+    def load(self, path: Path) -> Arrays | None:
+        """The arrays of one of the store's paths; None where there is nothing (or nothing whole)."""
+        try:
+            with np.load(path, allow_pickle=False) as archive:
+                return {name: archive[name] for name in archive.files}
+        except FileNotFoundError:
+            return None
+        except (OSError, ValueError, EOFError, KeyError):  # cut short by another program: made again
+            path.unlink(missing_ok=True)
+            return None

@@ -1,0 +1,108 @@
+"""What a run prints: correlation, optima and regret of each sweep, the paper's claims, and what was lost on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from validate.acquire import Acquired
+from validate.claims import claim_rows
+from validate.compare import Correlation, headline
+from validate.intervals import oracle_regret
+from validate.sweep import SweepResult
+from validate.tables import detection_rows
+
+__all__ = ["show"]
+
+
+def show(results: Sequence[SweepResult], acquired: Acquired, console: Console) -> None:
+    """Print a run's tables."""
+    whole = [result for result in results if result.assessments]
+    if whole:
+        console.print(_correlation_table(whole))
+        console.print(_claims_table(whole))
+        console.print(_detection_table(whole))
+    for result in results:
+        _remarks(result, acquired, console)
+
+
+def _correlation_table(results: Sequence[SweepResult]) -> Table:
+    table = Table(title="Predicted against measured PSS over the steps of each sweep")
+    for name in ("sweep", "noise model", "kind"):
+        table.add_column(name)
+    for name in ("Spearman ρ [95 %]", "optimum predicted", "measured", "regret (oracle)"):
+        table.add_column(name, justify="right")
+    for result in results:
+        halves = result.measured_halves()
+        for model in result.noise_models:
+            for single_frame in (True, False):
+                found, lost = headline(result, model, single_frame)
+                predicted, measured = result.predicted_pss(model, single_frame), result.measured_pss(single_frame)
+                regret = "" if np.isnan(lost) else f"{lost:.1%} ({oracle_regret(*halves):.1%})"
+                table.add_row(
+                    result.plan.sweep.name,
+                    model,
+                    "single frame" if single_frame else "filter",
+                    _rho(found),
+                    str(result.configurations[int(np.argmax(predicted))].value),
+                    str(result.configurations[int(np.argmax(measured))].value),
+                    regret,
+                )
+        table.add_section()
+    return table
+
+
+def _rho(found: Correlation) -> str:
+    if np.isnan(found.rho):
+        return "undefined"
+    return f"{found.rho:+.2f} [{found.low:+.2f}, {found.high:+.2f}]"
+
+
+def _claims_table(results: Sequence[SweepResult]) -> Table:
+    table = Table(title="The paper's claims on its Figures 1 to 3")
+    for name in ("sweep", "claim", "side", "holds", "figure", "value [95 %]"):
+        table.add_column(name)
+    for result in results:
+        for row in claim_rows(result):
+            side = " ".join(filter(None, (str(row["side"]), str(row["noise_model"]))))
+            value = f"{row['value']:.3g} [{row['ci_low']:.3g}, {row['ci_high']:.3g}]"
+            table.add_row(row["sweep"], row["claim"], side, row["holds"], row["figure"], value)
+        table.add_section()
+    return table
+
+
+def _detection_table(results: Sequence[SweepResult]) -> Table:
+    table = Table(title="Predicted visible against detected (views × markers)")
+    for name in ("sweep", "views", "visible, detected", "visible, missed", "hidden, detected", "hidden, missed"):
+        table.add_column(name, justify="right")
+    for row in detection_rows(results):
+        table.add_row(*(str(value) for value in row.values()))
+    return table
+
+
+def _remarks(result: SweepResult, acquired: Acquired, console: Console) -> None:
+    """Results that are no errors, but that a reader must know of."""
+    name = result.plan.sweep.name
+    for label, cause in result.skipped:
+        console.print(f"{name} {label}: left out, a view failed ({cause})", markup=False)
+    for configuration, assessment, wanted in zip(result.configurations, result.assessments, result.views, strict=True):
+        where = f"{name} {configuration.label}"
+        if len(configuration.cameras) < 2:
+            console.print(f"{where}: one camera observes no point (PSS 0)", markup=False)
+        for camera, item in zip(configuration.cameras, wanted, strict=True):
+            if not acquired.measured[item].detected.any():
+                console.print(f"{where}: no marker found in the view of camera {camera.name}", markup=False)
+        if not assessment.measured.errors.detected.any() and len(configuration.cameras) > 1:
+            console.print(f"{where}: no point triangulated (measured PSS 0)", markup=False)
+    if result.assessments:
+        shares = np.array([assessment.measured.errors.noise_share for assessment in result.assessments])
+        known = shares[np.isfinite(shares)]
+        if len(known):
+            console.print(
+                f"{name}: noise makes {np.median(known):.0%} of the mean squared error in the median configuration "
+                f"({known.min():.0%} to {known.max():.0%}); the rest is bias",
+                markup=False,
+            )

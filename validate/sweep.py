@@ -1,0 +1,126 @@
+"""One sweep from acquired views to assessed configurations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from render.sampling import Sampling
+from render.view import ViewRequest, random_stream
+from scenes import Configuration, Scene, SweepFile
+from validate.acquire import Acquired, Acquisition
+from validate.assess import Assessment, assess
+from validate.intervals import SweepReplicates, sweep_replicates
+from validate.measure import ViewMeasurement
+
+__all__ = ["Plan", "SweepResult", "assess_sweep", "plan"]
+
+Floats = NDArray[np.float64]
+
+REPLICATES = 500
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A sweep with its configurations and the views that they need."""
+
+    sweep: SweepFile
+    scene: Scene
+    configurations: tuple[Configuration, ...]
+    views: tuple[tuple[Acquisition, ...], ...]
+    """One for each camera of each configuration."""
+
+
+@dataclass(frozen=True, eq=False)
+class SweepResult:
+    """A sweep's assessed configurations.
+
+    Attributes:
+        configurations, assessments, views: those whose views all exist, in the sweep's order.
+        skipped: label and cause of those with a failed view.
+        replicates: by noise model, resamples of trials and points shared by all configurations.
+    """
+
+    plan: Plan
+    configurations: tuple[Configuration, ...]
+    assessments: tuple[Assessment, ...]
+    views: tuple[tuple[Acquisition, ...], ...]
+    skipped: tuple[tuple[str, str], ...]
+    replicates: dict[str, SweepReplicates]
+
+    @property
+    def noise_models(self) -> tuple[str, ...]:
+        """Names of the noise models, in the scene's order."""
+        return tuple(model.name for model in self.plan.scene.noise_models)
+
+    def predicted_pss(self, model: str, single_frame: bool = True) -> Floats:
+        """1/m, (S,), PSS made of C (single frame) or of P∞ (the paper's)."""
+        chosen = [assessment.predicted[model] for assessment in self.assessments]
+        return np.array([e.pss_single_frame if single_frame else e.pss for e in chosen])
+
+    def measured_pss(self, single_frame: bool = True) -> Floats:
+        """1/m, (S,), measured PSS of the single-frame or of the filter kind."""
+        chosen = [assessment.measured for assessment in self.assessments]
+        return np.array([m.errors.pss() if single_frame else m.pss_filter for m in chosen])
+
+    def measured_halves(self) -> tuple[Floats, Floats]:
+        """1/m, (S,) each, measured single-frame PSS of the even and of the odd trials."""
+        halves = [assessment.measured.errors.halves() for assessment in self.assessments]
+        first, second = zip(*halves, strict=True)
+        return np.array([h.pss() for h in first]), np.array([h.pss() for h in second])
+
+
+def plan(sweep: SweepFile, scene: Scene, renderer: str, sampling: Sampling) -> Plan:
+    """Name the views that a sweep needs."""
+    configurations = tuple(sweep.configurations(scene))
+    views = tuple(
+        tuple(
+            Acquisition(ViewRequest(scene.state, camera, scene.sensor, sampling, renderer), sweep.seed, sweep.trials)
+            for camera in configuration.cameras
+        )
+        for configuration in configurations
+    )
+    return Plan(sweep, scene, configurations, views)
+
+
+def assess_sweep(plan: Plan, acquired: Acquired) -> SweepResult:
+    """Predict and measure every configuration whose views exist."""
+    kept, assessments, views, skipped = [], [], [], []
+    for configuration, wanted in zip(plan.configurations, plan.views, strict=True):
+        failed = [acquired.failed[w.request.key] for w in wanted if w.request.key in acquired.failed]
+        if failed:
+            skipped.append((configuration.label, failed[0]))
+            continue
+        measurements = _measurements(wanted, acquired)
+        # The filter's random numbers belong to the configuration, whatever sweep or order it is met in.
+        keys = "+".join(w.request.key for w in wanted)
+        rng = random_stream(plan.sweep.seed, keys, "filter")
+        kept.append(configuration)
+        views.append(wanted)
+        assessments.append(assess(plan.scene, configuration.cameras, measurements, rng))
+    return SweepResult(
+        plan,
+        tuple(kept),
+        tuple(assessments),
+        tuple(views),
+        tuple(skipped),
+        _replicates(plan, assessments) if assessments else {},
+    )
+
+
+def _measurements(wanted: Sequence[Acquisition], acquired: Acquired) -> list[ViewMeasurement]:
+    return [acquired.measured[item] for item in wanted]
+
+
+def _replicates(plan: Plan, assessments: Sequence[Assessment]) -> dict[str, SweepReplicates]:
+    found = {}
+    for model in plan.scene.noise_models:
+        inverse = [1 / assessment.predicted[model.name].single_frame_sigma_m for assessment in assessments]
+        # The same stream for every model: the models are compared on the same resamples.
+        rng = random_stream(plan.sweep.seed, plan.sweep.name, "intervals")
+        errors = [assessment.measured.errors for assessment in assessments]
+        found[model.name] = sweep_replicates(errors, np.nan_to_num(np.array(inverse)), rng, REPLICATES)
+    return found

@@ -1,0 +1,246 @@
+"""The rows of a run's CSV files: one function a file, and the writer."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from render.view import Certificate
+from validate.acquire import Acquired, Acquisition
+from validate.assess import Assessment, Measured
+from validate.intervals import interval
+from validate.store import write_text
+from validate.sweep import SweepResult
+
+__all__ = ["configuration_rows", "detection_rows", "point_rows", "timing_rows", "view_rows", "write_csv"]
+
+Row = dict[str, object]
+Floats = NDArray[np.float64]
+
+THRESHOLDS_MM = (1, 2, 5, 10)
+# Digits that tell any two measured numbers apart, and few enough for a person.
+DIGITS = 7
+
+
+def write_csv(path: Path, rows: Sequence[Mapping[str, object]]) -> None:
+    """Write rows with the first row's keys as the head; nan is an empty field."""
+    text = io.StringIO()
+    if rows:
+        writer = csv.DictWriter(text, fieldnames=list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows({key: _field(value) for key, value in row.items()} for row in rows)
+    write_text(path, text.getvalue())
+
+
+def _field(value: object) -> object:
+    if isinstance(value, float | np.floating):
+        return "" if math.isnan(value) else f"{float(value):.{DIGITS}g}"
+    return value
+
+
+def pooled(rms: Floats, points: NDArray[np.bool_]) -> float:
+    """Root mean square of (N,) RMS over some of the points; nan over none."""
+    chosen = rms[points & np.isfinite(rms)]
+    return float(np.sqrt((chosen**2).mean())) if len(chosen) else math.nan
+
+
+def common_points(result: SweepResult) -> NDArray[np.bool_]:
+    """(N,), the points that every configuration measured: RMS values are comparable between steps on these only."""
+    measured = [assessment.measured.errors.detections > 0 for assessment in result.assessments]
+    return np.all(measured, axis=0)
+
+
+def configuration_rows(result: SweepResult) -> list[Row]:
+    """A row for each configuration and noise model."""
+    common = common_points(result)
+    everywhere = np.ones_like(common)
+    rows: list[Row] = []
+    for model in result.noise_models:
+        replicates = result.replicates[model]
+        pss_low, pss_high = interval(replicates.measured_pss)
+        rms_low, rms_high = interval(replicates.rms_m)
+        for step, (configuration, assessment) in enumerate(zip(result.configurations, result.assessments, strict=True)):
+            predicted, measured = assessment.predicted[model], assessment.measured
+            errors = measured.errors
+            rows.append(
+                {
+                    "sweep": result.plan.sweep.name,
+                    "configuration": configuration.label,
+                    "parameter": configuration.parameter,
+                    "value": configuration.value,
+                    "cameras": len(configuration.cameras),
+                    "camera_names": " ".join(camera.name for camera in configuration.cameras),
+                    "noise_model": model,
+                    "points": len(errors.rms_m),
+                    "observable": int(predicted.observable.sum()),
+                    "detected": int((errors.detections > 0).sum()),
+                    "pss": predicted.pss,
+                    "measured_pss_filter": measured.pss_filter,
+                    "pss_single_frame": predicted.pss_single_frame,
+                    "measured_pss_single_frame": errors.pss(),
+                    "measured_pss_ci_low": pss_low[step],
+                    "measured_pss_ci_high": pss_high[step],
+                    "sigma_inf_rms_m": pooled(predicted.sigma_m, everywhere),
+                    "predicted_rms_m": pooled(predicted.single_frame_rms_m, everywhere),
+                    "measured_rms_m": errors.pooled_rms_m,
+                    "measured_rms_ci_low_m": rms_low[step],
+                    "measured_rms_ci_high_m": rms_high[step],
+                    "measured_rms_opencv_m": measured.linear.pooled_rms_m,
+                    "measured_bias_rms_m": pooled(errors.bias_m, everywhere),
+                    "measured_std_rms_m": pooled(errors.std_m, everywhere),
+                    "predicted_prior_rms_m": pooled(predicted.rms_m, everywhere),
+                    "predicted_posterior_rms_m": pooled(predicted.posterior_rms_m, everywhere),
+                    "measured_prior_rms_m": pooled(measured.prior_rms_m, everywhere),
+                    "measured_posterior_rms_m": pooled(measured.posterior_rms_m, everywhere),
+                    "common_points": int(common.sum()),
+                    "predicted_rms_common_m": pooled(predicted.single_frame_rms_m, common),
+                    "measured_rms_common_m": pooled(errors.rms_m, common),
+                    "median_rms_m": errors.median_rms_m,
+                    **{f"share_under_{mm}mm": errors.share_under(mm / 1000) for mm in THRESHOLDS_MM},
+                    "noise_share": errors.noise_share,
+                    "rejected_detections": int(measured.triangulated.rejected.sum()),
+                }
+            )
+    return rows
+
+
+def point_rows(result: SweepResult) -> list[Row]:
+    """A row for each point of each configuration and noise model."""
+    rows: list[Row] = []
+    for model in result.noise_models:
+        for configuration, assessment in zip(result.configurations, result.assessments, strict=True):
+            for point in _points(result, assessment, model):
+                rows.append({"sweep": result.plan.sweep.name, "configuration": configuration.label, **point})
+    return rows
+
+
+def _points(result: SweepResult, assessment: Assessment, model: str) -> Iterable[Row]:
+    predicted, measured = assessment.predicted[model], assessment.measured
+    errors = measured.errors
+    columns = {
+        "views": predicted.visible.sum(axis=0),
+        "detection_rate": errors.detection_rate,
+        "sigma_inf_m": predicted.sigma_m,
+        "single_frame_sigma_m": predicted.single_frame_sigma_m,
+        "single_frame_rms_m": predicted.single_frame_rms_m,
+        "measured_sigma_m": errors.sigma_m,
+        "measured_rms_m": errors.rms_m,
+        "measured_bias_m": errors.bias_m,
+        "measured_std_m": errors.std_m,
+        "measured_filter_sigma_m": measured.filter_sigma_m,
+        "measured_prior_rms_m": measured.prior_rms_m,
+        "measured_posterior_rms_m": measured.posterior_rms_m,
+        "nees": errors.nees(predicted.single_frame_covariance),
+        "nees_detections": _own_nees(measured),
+    }
+    for number, marker in enumerate(result.plan.scene.state.markers):
+        x, y, z = marker.centre_m
+        yield {
+            "noise_model": model,
+            "point": marker.id,
+            "object": marker.object_name,
+            "x_m": x,
+            "y_m": y,
+            "z_m": z,
+            **{name: column[number] for name, column in columns.items()},
+        }
+
+
+def _own_nees(measured: Measured) -> Floats:
+    """(N,), mean eᵀC⁻¹e with the covariance that the detections claim for themselves; 3 where they are right."""
+    errors, covariance = measured.errors.errors_m, measured.triangulated.covariance_m2
+    known = measured.errors.detected
+    values = np.full(known.shape, np.nan)
+    weighted = np.linalg.solve(covariance[known], errors[known][..., None])[..., 0]
+    values[known] = (errors[known] * weighted).sum(axis=-1)
+    counts = known.sum(axis=0)
+    return np.where(counts > 0, np.nansum(values, axis=0) / np.maximum(counts, 1), np.nan)
+
+
+def view_rows(results: Sequence[SweepResult], acquired: Acquired) -> list[Row]:
+    """A row for each view that any configuration used."""
+    rows: dict[str, Row] = {}
+    for result in results:
+        for configuration, assessment, wanted in zip(
+            result.configurations, result.assessments, result.views, strict=True
+        ):
+            visible = next(iter(assessment.predicted.values())).visible
+            for camera, seen, item in zip(configuration.cameras, visible, wanted, strict=True):
+                key = item.request.key
+                if key not in rows:
+                    rows[key] = {
+                        "view": key,
+                        "camera": camera.name,
+                        "pan_deg": camera.pan_deg,
+                        "tilt_deg": camera.tilt_deg,
+                        "zoom": camera.zoom,
+                        "focus_distance_m": camera.focus_distance_m,
+                        "f_number": camera.f_number,
+                        "markers_visible": int(seen.sum()),
+                        "markers_detected": float(acquired.measured[item].detected.sum(axis=1).mean()),
+                        "strangers": acquired.measured[item].strangers,
+                        **_certificate(acquired.certificates[key]),
+                        "exr": f"views/{key}.exr",
+                    }
+    return list(rows.values())
+
+
+def _certificate(certificate: Certificate) -> Row:
+    return {
+        "render_noise_ratio": certificate.edge_rms,
+        "render_noise_ratio_median": certificate.edge_median,
+        "render_noise_ratio_p999": certificate.edge_p999,
+        "render_noise_ratio_image": certificate.image_rms,
+        "samples": certificate.samples,
+    }
+
+
+def timing_rows(wanted: Iterable[Acquisition], acquired: Acquired) -> list[Row]:
+    """Seconds spent on each view; 0 for what was in the store already."""
+    rows: dict[str, Row] = {}
+    for item in wanted:
+        if item in acquired.measured:
+            key = item.request.key
+            seconds = acquired.measured[item].seconds
+            rows[key] = {
+                "view": key,
+                "render_seconds": acquired.render_seconds.get(key, 0.0),
+                "detect_seconds": seconds if item in acquired.measured_items else 0.0,
+            }
+    return list(rows.values())
+
+
+def detection_rows(results: Sequence[SweepResult]) -> list[Row]:
+    """Predicted visible against detected (in half the trials or more), counted over views × markers of each sweep."""
+    rows = []
+    for result in results:
+        seen, found = set(), {True: [0, 0], False: [0, 0]}
+        for assessment, wanted in zip(result.assessments, result.views, strict=True):
+            visible = next(iter(assessment.predicted.values())).visible
+            rate = assessment.view_detection_rate
+            for row, item in enumerate(wanted):
+                if item.request.key in seen:
+                    continue
+                seen.add(item.request.key)
+                detected = rate[row] >= 0.5
+                for predicted in (True, False):
+                    chosen = detected[visible[row] == predicted]
+                    found[predicted][0] += int(chosen.sum())
+                    found[predicted][1] += int((~chosen).sum())
+        rows.append(
+            {
+                "sweep": result.plan.sweep.name,
+                "views": len(seen),
+                "visible_detected": found[True][0],
+                "visible_missed": found[True][1],
+                "hidden_detected": found[False][0],
+                "hidden_missed": found[False][1],
+            }
+        )
+    return rows

@@ -1,0 +1,264 @@
+"""From detections to 3D points: `cv2.triangulatePoints` as the start, then maximum likelihood over all views.
+
+One estimator measures for all metrics and noise models alike: each detection has the weight of its own covariance, as
+estimated from its image, and never that of a noise model under test. Nothing here knows the truth or a prediction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import cv2
+import numpy as np
+import scipy.stats
+from numpy.typing import ArrayLike, NDArray
+
+from pss.camera import PTZCamera
+from pss.errors import RangeError, ShapeError
+
+__all__ = ["Triangulated", "detection_weights", "triangulate"]
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Ints = NDArray[np.int64]
+
+VIEWS_TO_TRIANGULATE = 2
+# The reprojection χ² that detections with exactly their stated covariance exceed once in a million points …
+BLUNDER_TAIL = 1e-6
+# … is raised to residuals five times as large. The detector's bias is frozen into the image: no covariance estimated
+# from that image contains it, and to throw out detections for it would flatter the measured error. What this leaves to
+# be found, a wrong id or a corner taken for another, is off by tens of standard deviations.
+BLUNDER_INFLATION = 25.0
+# A point in front of a camera has a depth in this range; between them no power in this module overflows.
+NEAREST_M, FARTHEST_M = 1e-3, 1e6
+# What a view adds to χ² if the point is outside that range: worse than any residual on a sensor, but finite, so that a
+# point behind one view is better than a point behind two.
+OUT_OF_SIGHT_CHI2 = 1e18
+# A step that promises less, relative to 1 + χ², is the last one: 1e-6 standard deviations where χ² is of order one.
+SMALLEST_GAIN = 1e-12
+MAX_ITERATIONS = 40
+# Levenberg–Marquardt damping, relative to the mean eigenvalue; so small a start makes the first step Gauss–Newton's.
+FIRST_DAMPING, DAMPING_UP, DAMPING_DOWN = 1e-9, 100.0, 0.1
+# Keeps the normal matrix regular for a point that no view sees.
+TINY = 1e-300
+# Rays closer to parallel than double precision can tell apart carry no depth: smallest over largest eigenvalue.
+SMALLEST_INFORMATION_RATIO = 1e-13
+
+
+@dataclass(frozen=True, eq=False)
+class Triangulated:
+    """Points triangulated from C views in T trials of N points. What was not triangulated is nan, and has `views` 0.
+
+    Attributes:
+        points_m: m, (T, N, 3), maximum likelihood over the views used.
+        covariance_m2: m², (T, N, 3, 3), (Σ HᵀR⁻¹H)⁻¹ of the detections' own covariances. Too small by the frozen bias.
+        linear_m: m, (T, N, 3), `cv2.triangulatePoints` over the two of the views used whose rays cross most squarely.
+        views: (T, N), number of views used.
+        rejected: (T, N), number of detections that the reprojection test threw out; both, if the last two disagree.
+        used: (C, T, N), the views used.
+    """
+
+    points_m: Floats
+    covariance_m2: Floats
+    linear_m: Floats
+    views: Ints
+    rejected: Ints
+    used: Bools
+
+
+def triangulate(cameras: Sequence[PTZCamera], pixels: ArrayLike, covariance: ArrayLike) -> Triangulated:
+    """Triangulate every point of every trial from the views that detected it.
+
+    A point whose reprojection χ² has a tail below `BLUNDER_TAIL` (χ² first divided by `BLUNDER_INFLATION`) loses the
+    detection whose removal leaves the smallest χ², again and again; if two views are left and still disagree, it is
+    not triangulated. One blunder among three views is told apart only as far as it is off the epipolar lines.
+
+    Args:
+        cameras: the C views.
+        pixels: px, (C, T, N, 2), nan where a marker was not detected.
+        covariance: px², (C, T, N, 2, 2), of each detection, from its own image; anything where not detected.
+
+    Raises:
+        ShapeError: the arrays do not fit each other or the cameras.
+        RangeError: the covariance of a detection is not positive definite.
+    """
+    detected, weight = detection_weights(cameras, pixels, covariance)
+    views, trials, points = detected.shape
+    measured = np.where(detected[..., None], np.asarray(pixels, dtype=float), np.nan)
+    bundle = _Bundle(cameras, measured.reshape(views, -1, 2), weight.reshape(views, -1, 2, 2))
+    used = detected.reshape(views, -1).copy()
+    rejected = np.zeros_like(used)
+    estimate = np.full((used.shape[1], 3), np.nan)
+
+    item = np.flatnonzero(used.sum(axis=0) >= VIEWS_TO_TRIANGULATE)
+    estimate[item], chi2 = bundle.fit(item, used[:, item])
+    item = item[chi2 > _largest_chi2(used[:, item])]
+    while item.size:
+        given_up = item[used[:, item].sum(axis=0) <= VIEWS_TO_TRIANGULATE]
+        rejected[:, given_up] |= used[:, given_up]
+        used[:, given_up] = False
+        item = np.setdiff1d(item, given_up, assume_unique=True)
+        worst, without, chi2 = bundle.leave_one_out(item, used[:, item])
+        rejected[worst, item] = True
+        used[worst, item] = False
+        estimate[item] = without
+        item = item[chi2 > _largest_chi2(used[:, item])]
+
+    item = np.flatnonzero(used.sum(axis=0) >= VIEWS_TO_TRIANGULATE)
+    _, information, _ = bundle.normal_equations(estimate[item], item, used[:, item])
+    eigenvalues = np.linalg.eigvalsh(information)
+    solid = eigenvalues[:, 0] > SMALLEST_INFORMATION_RATIO * eigenvalues[:, -1]
+    item, information = item[solid], information[solid]
+
+    known = np.zeros(used.shape[1], dtype=bool)
+    known[item] = True
+    used &= known
+    estimate[~known] = np.nan
+    covariance_m2, linear = np.full((*estimate.shape, 3), np.nan), np.full_like(estimate, np.nan)
+    covariance_m2[item] = np.linalg.inv(information)
+    linear[item] = bundle.linear(item, used[:, item])
+    shape = (trials, points)
+    return Triangulated(
+        points_m=estimate.reshape(*shape, 3),
+        covariance_m2=covariance_m2.reshape(*shape, 3, 3),
+        linear_m=linear.reshape(*shape, 3),
+        views=used.sum(axis=0).reshape(shape),
+        rejected=rejected.sum(axis=0).reshape(shape),
+        used=used.reshape(views, *shape),
+    )
+
+
+def detection_weights(cameras: Sequence[PTZCamera], pixels: ArrayLike, covariance: ArrayLike) -> tuple[Bools, Floats]:
+    """Which views detected, (C, T, N), and 1/px² the inverse covariances R⁻¹, (C, T, N, 2, 2), 0 where they did not.
+
+    Raises:
+        ShapeError, RangeError: as in `triangulate`.
+    """
+    measured, noise = np.asarray(pixels, dtype=float), np.asarray(covariance, dtype=float)
+    if measured.ndim != 4 or measured.shape[-1] != 2 or len(measured) != len(cameras):
+        raise ShapeError(f"pixels has shape {measured.shape}; allowed is ({len(cameras)}, T, N, 2), one row a camera")
+    if noise.shape != (*measured.shape, 2):
+        raise ShapeError(f"covariance has shape {noise.shape}; allowed beside these pixels is {(*measured.shape, 2)}")
+    detected = np.asarray(np.isfinite(measured).all(axis=-1))
+    noise = np.where(detected[..., None, None], noise, np.eye(2))
+    # Written so that nan counts as not positive definite.
+    definite = (noise[..., 0, 0] > 0) & (noise[..., 0, 0] * noise[..., 1, 1] > noise[..., 0, 1] * noise[..., 1, 0])
+    if not definite.all():
+        first = tuple(int(i) for i in np.argwhere(~definite)[0])
+        raise RangeError(f"covariance{list(first)} = {noise[first].tolist()}; allowed: positive definite px²")
+    return detected, np.linalg.inv(noise) * detected[..., None, None]
+
+
+def _largest_chi2(used: Bools) -> Floats:
+    """Reprojection χ² that a point may have with the views `used` (C, S); (S,). 2 pixels a view less 3 coordinates."""
+    views = np.arange(len(used) + 1)
+    limits = BLUNDER_INFLATION * scipy.stats.chi2.isf(BLUNDER_TAIL, np.maximum(2 * views - 3, 1))
+    return np.asarray(limits[used.sum(axis=0)])
+
+
+class _Bundle:
+    """M points (of all trials) as C views saw them.
+
+    The methods take S problems: `item` (S,) says which of the M points, `used` (C, S) which views of it, so that one
+    point can be solved with several choices of views at once.
+    """
+
+    def __init__(self, cameras: Sequence[PTZCamera], pixels: Floats, weight: Floats) -> None:
+        self.cameras, self.pixels, self.weight = cameras, pixels, weight
+        self.projection = [camera.projection_matrix for camera in cameras]
+        homogeneous = np.concatenate([pixels, np.ones_like(pixels[..., :1])], axis=-1)
+        rays = homogeneous @ np.stack([np.linalg.inv(matrix[:, :3]).T for matrix in self.projection])
+        self.rays = rays / np.linalg.norm(rays, axis=-1, keepdims=True)  # (C, M, 3), unit, world
+        self.pairs = np.array(list(combinations(range(len(cameras)), 2)), dtype=int).reshape(-1, 2)
+        # As lines: beyond a right angle a wider angle makes the crossing worse again.
+        self.abs_cosine = np.abs((self.rays[self.pairs[:, 0]] * self.rays[self.pairs[:, 1]]).sum(axis=-1))  # (pairs, M)
+
+    def linear(self, item: Ints, used: Bools) -> Floats:
+        """m, `cv2.triangulatePoints` over the pair of views with the widest angle between their rays, (S, 3)."""
+        points = np.full((len(item), 3), np.nan)
+        if not item.size:
+            return points
+        both = used[self.pairs[:, 0]] & used[self.pairs[:, 1]]
+        widest = np.where(both, self.abs_cosine[:, item], np.inf).argmin(axis=0)
+        for pair in np.unique(widest):
+            rows = np.flatnonzero(widest == pair)
+            a, b = self.pairs[pair]
+            pixels = (np.ascontiguousarray(self.pixels[view, item[rows]].T) for view in (a, b))
+            x, y, z, w = cv2.triangulatePoints(self.projection[a], self.projection[b], *pixels)
+            with np.errstate(divide="ignore", invalid="ignore"):  # parallel rays meet at infinity
+                points[rows] = (np.stack([x, y, z]) / w).T
+        return points
+
+    def fit(self, item: Ints, used: Bools) -> tuple[Floats, Floats]:
+        """m, the points of least χ², (S, 3), and that χ², (S,), by Levenberg–Marquardt."""
+        points = self._start(item, used)
+        chi2, information, gradient = self.normal_equations(points, item, used)
+        damping = np.full(len(item), FIRST_DAMPING)
+        active = np.arange(len(item))
+        for _ in range(MAX_ITERATIONS):
+            if not active.size:
+                break
+            normal = information[active]
+            scale = damping[active] * np.trace(normal, axis1=-2, axis2=-1) / 3 + TINY
+            step = np.linalg.solve(normal + scale[:, None, None] * np.eye(3), gradient[active][..., None])[..., 0]
+            candidate = points[active] + step
+            new_chi2, new_information, new_gradient = self.normal_equations(candidate, item[active], used[:, active])
+            better = new_chi2 < chi2[active]
+            # By what the step was to lower χ²; a damping raised beyond measure ends the search as well.
+            going = (step * gradient[active]).sum(axis=-1) > SMALLEST_GAIN * (1 + chi2[active])
+            taken = active[better]
+            points[taken], chi2[taken] = candidate[better], new_chi2[better]
+            information[taken], gradient[taken] = new_information[better], new_gradient[better]
+            damping[active] *= np.where(better, DAMPING_DOWN, DAMPING_UP)
+            active = active[going]
+        return points, chi2
+
+    def leave_one_out(self, item: Ints, used: Bools) -> tuple[Ints, Floats, Floats]:
+        """The view whose removal leaves the smallest χ², (S,), with the points (S, 3) and χ² (S,) of the others."""
+        view, row = np.nonzero(used)
+        others = used[:, row]
+        others[view, np.arange(len(view))] = False
+        points, chi2 = self.fit(item[row], others)
+        table = np.full(used.shape, np.inf)
+        table[view, row] = chi2
+        where = np.zeros(used.shape, dtype=int)
+        where[view, row] = np.arange(len(view))
+        worst = table.argmin(axis=0)
+        columns = np.arange(len(item))
+        return worst, points[where[worst, columns]], table[worst, columns]
+
+    def normal_equations(self, points: Floats, item: Ints, used: Bools) -> tuple[Floats, Floats, Floats]:
+        """χ² (S,), 1/m² Σ HᵀR⁻¹H (S, 3, 3), and 1/m Σ HᵀR⁻¹(pixel − projection) (S, 3), at `points` (S, 3)."""
+        chi2, information, gradient = np.zeros(len(item)), np.zeros((len(item), 3, 3)), np.zeros((len(item), 3))
+        for camera, pixels, weight, sees in zip(self.cameras, self.pixels, self.weight, used, strict=True):
+            rows = np.flatnonzero(sees)
+            in_front = _in_front(camera, points[rows])
+            chi2[rows[~in_front]] += OUT_OF_SIGHT_CHI2
+            rows = rows[in_front]
+            jacobian, inverse = camera.jacobian(points[rows]), weight[item[rows]]  # (S', 2, 3) and (S', 2, 2)
+            residual = (pixels[item[rows]] - camera.project(points[rows])[0])[..., None]
+            weighted = inverse @ residual
+            chi2[rows] += (residual * weighted).sum(axis=(-2, -1))
+            information[rows] += jacobian.mT @ (inverse @ jacobian)
+            gradient[rows] += (jacobian.mT @ weighted)[..., 0]
+        return chi2, information, gradient
+
+    def _start(self, item: Ints, used: Bools) -> Floats:
+        """m, where the search begins, (S, 3): the linear solution, or on the first ray if that is behind its camera."""
+        first = used.argmax(axis=0)
+        reach = np.array([camera.focus_distance_m for camera in self.cameras])[first]
+        centre = np.array([camera.position_m for camera in self.cameras]).reshape(-1, 3)[first]
+        fallback = centre + reach[:, None] * self.rays[first, item]
+        points = self.linear(item, used)
+        sound = np.isfinite(points).all(axis=-1)
+        points[~sound] = fallback[~sound]
+        for camera, sees in zip(self.cameras, used, strict=True):
+            sound &= ~sees | _in_front(camera, points)
+        return np.where(sound[:, None], points, fallback)
+
+
+def _in_front(camera: PTZCamera, points: Floats) -> Bools:
+    depth = camera.to_camera_frame(points)[:, 2]
+    return np.asarray((depth > NEAREST_M) & (depth < FARTHEST_M))
