@@ -106,13 +106,13 @@ def choose(variant: str | None = None) -> Backend:
         if not ctypes.util.find_library("cuda"):
             raise MissingLibraryError("--variant 'cuda_ad_mono' needs NVIDIA's driver (libcuda), which is not there")
         return Backend(variant, "", 0, "as asked")
-    too_old = []
+    unfit: list[str] = []
     for library, origin in _candidates():
         version = llvm_version(library)
         if version >= OLDEST_LLVM:
-            return Backend("llvm_ad_mono", library, version, f"{origin} libLLVM {version}")
-        too_old.append(f"{origin} {library} " + ("does not load" if version < 0 else f"is older than {OLDEST_LLVM}"))
-    why = "; ".join(too_old) or f"no libLLVM ≥ {OLDEST_LLVM} found"
+            return Backend("llvm_ad_mono", library, version, "; ".join([f"{origin} libLLVM {version}", *unfit]))
+        unfit.append(f"{origin} {library} " + ("does not load" if version < 0 else f"is older than {OLDEST_LLVM}"))
+    why = "; ".join(unfit) or f"no libLLVM ≥ {OLDEST_LLVM} found"
     if variant == "llvm_ad_mono":
         raise MissingLibraryError(f"--variant 'llvm_ad_mono' needs libLLVM ≥ {OLDEST_LLVM}: {why}")
     return Backend("scalar_rgb", "", 0, f"{why}; about ten times slower than LLVM")

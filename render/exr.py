@@ -6,9 +6,11 @@ Channels: `Y` radiance in W/(m² sr); `capture` one noisy exposure in digital nu
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import importlib.metadata
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -82,19 +84,16 @@ def read_view(path: Path) -> RenderedView:
     Raises:
         ImageFileError: the file is missing, damaged, or lacks a header attribute.
     """
-    image = oiio.ImageInput.open(str(path))
-    if image is None:
-        raise ImageFileError(f"{path}: {oiio.geterror()}")
-    try:
+    with _opened(path) as image:
         spec = image.spec()
+        camera = PTZCamera(**_attribute(path, spec, "camera"))
         pixels = image.read_image(0, 0, 0, spec.nchannels, "float")
         if pixels is None:
             raise ImageFileError(f"{path}: {image.geterror()}")
         planes = {name: pixels[..., number] for number, name in enumerate(spec.channelnames)}
-        camera = _attribute(path, spec, "camera")
         return RenderedView(
             spec.get_string_attribute("pss:key"),
-            PTZCamera(**camera),
+            camera,
             Sensor(**_attribute(path, spec, "sensor")),
             np.ascontiguousarray(planes["Y"]),
             np.ascontiguousarray(planes["depth.Z"]),
@@ -103,17 +102,28 @@ def read_view(path: Path) -> RenderedView:
             planes["capture"].astype(np.uint16),
             Certificate(**_attribute(path, spec, "certificate")),
         )
-    finally:
-        image.close()
 
 
 def read_certificate(path: Path) -> Certificate:
-    """The certificate in a view's header, without reading its pixels."""
+    """The certificate in a view's header, without reading its pixels.
+
+    Raises:
+        ImageFileError: as `read_view`, but for damage to the pixels.
+    """
+    with _opened(path) as image:
+        return Certificate(**_attribute(path, image.spec(), "certificate"))
+
+
+@contextlib.contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """OpenImageIO's reader of an image; what its header lacks or says wrong is raised as `ImageFileError`."""
     image = oiio.ImageInput.open(str(path))
     if image is None:
         raise ImageFileError(f"{path}: {oiio.geterror()}")
     try:
-        return Certificate(**_attribute(path, image.spec(), "certificate"))
+        yield image
+    except (KeyError, TypeError, ValueError) as error:
+        raise ImageFileError(f"{path}: {error}; allowed are views that this project wrote") from error
     finally:
         image.close()
 

@@ -2,10 +2,9 @@
 
 Because no view samples the light again, shading and soft shadows put no noise into the images that the detector could
 mistake for its own. Lambert's formula gives the form factor from a point to a polygon exactly; what lies between them
-is asked of the same shapes that the metric asks. Approximations: a patch is seen whole or not at all (by its centre); a
-patch that the receiver's horizon cuts counts with its part below as negative (too dark: by under 1 % on faces that are
-parallel to the room's, by some 2 % of uniform light on a slant); each patch has one radiosity; lamps hide nothing, so
-that the ceiling right above them counts too (too bright, by under 2 %).
+is asked of the same shapes that the metric asks. Approximations: a patch is hidden whole or not at all (by its centre);
+each patch has one radiosity; lamps hide nothing, so that the ceiling right above them counts too (too bright, by under
+2 %).
 """
 
 from __future__ import annotations
@@ -87,16 +86,38 @@ def form_factors(points_m: Floats, normals: Floats, corners_m: Floats) -> Floats
         points_m, normals: receivers, (M, 3) each.
         corners_m: m, each receiver's polygon (M, 4, 3), counter-clockwise as seen from its bright side.
     """
-    to_corner = corners_m - points_m[:, None]
-    to_corner /= np.linalg.norm(to_corner, axis=-1, keepdims=True)
-    following = np.roll(to_corner, -1, axis=1)
-    across = np.cross(to_corner, following)
+    starts = corners_m - points_m[:, None]
+    ends = np.roll(starts, -1, axis=1)
+    heights = np.einsum("mki,mi->mk", starts, normals)
+    factors = _lambert(starts, ends, normals)
+    cut = np.flatnonzero((heights < 0).any(axis=1))
+    factors[cut] = _lambert(*_above_horizon(starts[cut], ends[cut], heights[cut]), normals[cut])
+    return factors
+
+
+def _lambert(starts: Floats, ends: Floats, normals: Floats) -> Floats:
+    """Form factors of polygons by edges, (M, K, 3) from the receiver: Σ angle · (normal of its plane · n)/2π."""
+    across = np.cross(starts, ends)
     sine = np.linalg.norm(across, axis=-1)
-    cosine = np.einsum("mki,mki->mk", to_corner, following)
-    along_normal = np.einsum("mki,mi->mk", across, normals)
-    # A repeated corner has no angle and no direction: it adds nothing.
-    angle_over_sine = np.arctan2(sine, cosine) / np.maximum(sine, 1e-12)
-    return np.asarray(-(angle_over_sine * along_normal).sum(axis=-1) / (2 * np.pi))
+    angle = np.arctan2(sine, np.einsum("mki,mki->mk", starts, ends))
+    # An edge without length, such as a repeated corner, has no angle and no direction: it adds nothing.
+    along_normal = np.einsum("mki,mi->mk", across, normals) / np.maximum(sine, 1e-300)
+    return np.asarray(-(angle * along_normal).sum(axis=-1) / (2 * np.pi))
+
+
+def _above_horizon(starts: Floats, ends: Floats, heights: Floats) -> tuple[Floats, Floats]:
+    """The edges (M, K + 1, 3) of what rises over the receiver's horizon of convex polygons with edges (M, K, 3)."""
+    following = np.roll(heights, -1, axis=1)
+    sets, rises = (heights >= 0) & (following < 0), (heights < 0) & (following >= 0)
+    share = heights / np.where(sets | rises, heights - following, 1.0)
+    crossings = starts + share[..., None] * (ends - starts)
+    from_start = np.where((heights >= 0)[..., None], starts, crossings)
+    to_end = np.where((following >= 0)[..., None], ends, crossings)
+    below = (heights < 0) & (following < 0)
+    to_end = np.where(below[..., None], from_start, to_end)
+    # The edge along the horizon, from where the polygon sets to where it rises again.
+    setting, rising = ((mask[..., None] * crossings).sum(axis=1, keepdims=True) for mask in (sets, rises))
+    return np.concatenate([from_start, setting], axis=1), np.concatenate([to_end, rising], axis=1)
 
 
 def _seen_form_factors(

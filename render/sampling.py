@@ -42,7 +42,7 @@ class Sampling:
 
     noise_ratio: float = 0.25
     pilot: int = 8
-    fewest: int = 8
+    fewest: int = 4
     most: int = 4096
 
 

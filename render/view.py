@@ -28,7 +28,7 @@ __all__ = ["Certificate", "RenderedView", "Renderer", "ViewRequest", "random_str
 Floats = NDArray[np.floating]
 
 # Raised whenever the code changes what is rendered, so that stored views of older code are not taken for today's.
-RENDER_VERSION = 1
+RENDER_VERSION = 2
 # Marker edges are where a plate's 3 × 3 neighbourhood changes by more than this many times the sensor noise.
 EDGE_CONTRAST = 2.0
 

@@ -20,7 +20,7 @@ from scenes.spec import Name, Number, Spec, one_of, validate
 if TYPE_CHECKING:
     from scenes.scene import Scene
 
-__all__ = ["Configuration", "SweepFile", "load_sweep"]
+__all__ = ["Configuration", "SweepFile", "known_sweeps", "load_sweep"]
 
 SWEEPS = Path(__file__).parent / "sweeps"
 """Where the sweeps that go by a bare name are."""
@@ -156,11 +156,16 @@ def load_sweep(path_or_name: str | Path, overrides: Iterable[str] = ()) -> Sweep
     )
 
 
+def known_sweeps() -> list[str]:
+    """Names of the sweeps that come with the project."""
+    return sorted(file.stem for file in SWEEPS.glob("*.toml"))
+
+
 def _sweep_path(path_or_name: str | Path) -> Path:
     path = Path(path_or_name)
     if path.suffix == ".toml" or len(path.parts) != 1:
         return path
-    known = sorted(file.stem for file in SWEEPS.glob("*.toml"))
+    known = known_sweeps()
     if path.name not in known:
         hint, _ = nearest(path.name, known)
         raise SceneError(

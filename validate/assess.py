@@ -16,7 +16,7 @@ from validate.measure import ViewMeasurement
 from validate.track import Tracked, track_static
 from validate.triangulate import Triangulated, triangulate
 
-__all__ = ["Assessment", "assess", "measure_configuration", "predict"]
+__all__ = ["Assessment", "Measured", "assess", "measure_configuration", "predict", "triangulated_errors"]
 
 Floats = NDArray[np.float64]
 
@@ -80,18 +80,27 @@ def predict(scene: Scene, cameras: Sequence[PTZCamera]) -> dict[str, Evaluation]
     }
 
 
+def triangulated_errors(
+    scene: Scene, cameras: Sequence[PTZCamera], views: Sequence[ViewMeasurement]
+) -> tuple[Triangulated, MeasuredErrors]:
+    """Triangulate the points of interest in every trial, and their errors."""
+    pixels = np.array([view.pixels for view in views])
+    covariance = np.array([view.covariance for view in views])
+    triangulated = triangulate(cameras, pixels, covariance)
+    return triangulated, MeasuredErrors(triangulated.points_m - scene.state.points_m)
+
+
 def measure_configuration(
     scene: Scene, cameras: Sequence[PTZCamera], views: Sequence[ViewMeasurement], rng: np.random.Generator
 ) -> Measured:
     """Triangulate and track the points of interest from the detections of a configuration's views."""
     truth = scene.state.points_m
-    pixels = np.array([view.pixels for view in views])
-    covariance = np.array([view.covariance for view in views])
-    triangulated = triangulate(cameras, pixels, covariance)
+    triangulated, errors = triangulated_errors(scene, cameras, views)
     usable = np.isfinite(triangulated.points_m[..., 0])
-    kept = np.where(triangulated.used[..., None], pixels, np.nan)
+    kept = np.where(triangulated.used[..., None], [view.pixels for view in views], np.nan)
+    covariance = np.array([view.covariance for view in views])
     return Measured(
-        MeasuredErrors(triangulated.points_m - truth),
+        errors,
         MeasuredErrors(triangulated.linear_m - truth),
         triangulated,
         track_static(cameras, truth, kept, covariance, usable, scene.process, rng),

@@ -24,17 +24,20 @@ Floats = NDArray[np.floating]
 # The template reaches this far beyond the black border: inside the quiet zone, so that what lies beyond the plate stays
 # out even where the plate's edge is blurred.
 MARGIN_MODULES = 0.75
-# Template pixels a module: as many as the image has, within bounds. Small modules are drawn finer than they appear,
-# which lowers the frozen bias of linear interpolation; large ones coarser, which costs time but no accuracy.
-FEWEST_PX_PER_MODULE = 8
-MOST_PX_PER_MODULE = 14
+# Template pixels a module: about as many as the image has, in a few steps, so that templates are drawn once. Small
+# modules are drawn finer than they appear, which lowers the frozen bias of linear interpolation; large ones coarser,
+# which costs time but no accuracy.
+PX_PER_MODULE = (8, 10, 12, 14)
+# The first alignment only brings the template to where it can be compared: it may be coarse.
+COARSE_PX_PER_MODULE = 6
 # Patches of markers with smaller modules are enlarged twice before they are registered.
 ENLARGE_BELOW_PX_PER_MODULE = 8.0
-TEMPLATE_TEXELS_PER_MODULE = 32
+TEMPLATE_TEXELS_PER_MODULE = 16
 # Gaussian blurs (σ in modules) that the template is tried with: from a sharp print to a marker that just decodes.
 BLURS_MODULES = (0.045, 0.08, 0.13, 0.2, 0.3, 0.42, 0.6)
-ITERATIONS = 20
-PRECISION = 1e-6
+COARSE_BLUR_MODULES = 0.2
+COARSE_ITERATIONS, ITERATIONS = 8, 20
+PRECISION = 1e-5
 # What registration leaves as a bias that no covariance from noise can know of (px, σ per axis); RMS measured on
 # noise-free renders (benchmarks/README.md).
 BIAS_FLOOR_PX = 0.008
@@ -56,21 +59,39 @@ class Localised:
 @lru_cache(maxsize=4096)
 def _template(dictionary: str, marker_id: int, size: int, blur_modules: float) -> NDArray[np.float32]:
     """The ideal image (size, size) of a marker with its margin, black 0 and white 1, blurred."""
+    cut = round((1 - MARGIN_MODULES) * TEMPLATE_TEXELS_PER_MODULE)
+    fine = _drawn(dictionary, marker_id, blur_modules)[cut:-cut, cut:-cut]
+    return np.asarray(cv2.resize(fine, (size, size), interpolation=cv2.INTER_AREA))
+
+
+@lru_cache(maxsize=1024)
+def _drawn(dictionary: str, marker_id: int, blur_modules: float) -> NDArray[np.float32]:
+    """A marker with a whole module of quiet zone, finely drawn, then blurred: the blur meets white at the cut."""
     black_and_white = pattern(dictionary, marker_id).astype(np.float32)
     texels = TEMPLATE_TEXELS_PER_MODULE
-    # A full module of quiet zone is drawn, blurred, then cut, so that the blur meets white beyond the cut.
     fine = np.kron(np.pad(black_and_white, 1, constant_values=1.0), np.ones((texels, texels), dtype=np.float32))
-    fine = cv2.GaussianBlur(fine, (0, 0), blur_modules * texels, borderType=cv2.BORDER_REPLICATE)
-    cut = round((1 - MARGIN_MODULES) * texels)
-    return np.asarray(cv2.resize(fine[cut:-cut, cut:-cut], (size, size), interpolation=cv2.INTER_AREA))
+    return np.asarray(cv2.GaussianBlur(fine, (0, 0), blur_modules * texels, borderType=cv2.BORDER_REPLICATE))
+
+
+@lru_cache(maxsize=1024)
+def _normalised(dictionary: str, marker_id: int, size: int) -> NDArray[np.float32]:
+    """The templates of all blurs as unit vectors about their mean, (B, size²): their products are correlations."""
+    rows = np.array([_template(dictionary, marker_id, size, blur).ravel() for blur in BLURS_MODULES])
+    rows -= rows.mean(axis=1, keepdims=True)
+    return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
 
 
 @lru_cache(maxsize=64)
-def _grid(size: int) -> tuple[Floats, Floats]:
-    """Template coordinates about its centre in units of half its size, (size²,) each."""
-    across = (np.arange(size) - (size - 1) / 2) / (size / 2)
-    y, x = np.meshgrid(across, across, indexing="ij")
-    return x.ravel(), y.ravel()
+def _fields(size: int) -> NDArray[np.float32]:
+    """How the parameters of a homography about the centre move a template pixel: (8, 2, size²) for (x, y).
+
+    Coordinates are in units of half the template's size; the first two parameters move everything alike.
+    """
+    across = ((np.arange(size) - (size - 1) / 2) / (size / 2)).astype(np.float32)
+    y, x = (axis.ravel() for axis in np.meshgrid(across, across, indexing="ij"))
+    one, none = np.ones_like(x), np.zeros_like(x)
+    moves = [(one, none), (none, one), (x, none), (y, none), (none, x), (none, y), (x * x, x * y), (x * y, y * y)]
+    return np.array(moves)
 
 
 def localise(
@@ -86,7 +107,8 @@ def localise(
     sides = np.linalg.norm(corners_px - np.roll(corners_px, 1, axis=0), axis=1)
     px_per_module = float(sides.mean()) / modules
     span = modules + 2 * MARGIN_MODULES
-    size = round(span * min(max(px_per_module, FEWEST_PX_PER_MODULE), MOST_PX_PER_MODULE))
+    finest = next((px for px in PX_PER_MODULE if px >= px_per_module), PX_PER_MODULE[-1])
+    size, coarse_size = round(span * finest), round(span * COARSE_PX_PER_MODULE)
     warp = _start(corners_px, modules, size)
 
     patch, left, top = _crop(capture_dn, warp, size, px_per_module)
@@ -99,7 +121,7 @@ def localise(
     to_patch = np.array(
         [[scale, 0, (scale - 1) / 2 - scale * left], [0, scale, (scale - 1) / 2 - scale * top], [0, 0, 1.0]]
     )
-    registered = _register(patch, to_patch @ warp, dictionary, marker_id, size)
+    registered = _register(patch, to_patch @ warp, dictionary, marker_id, size, coarse_size)
     if registered is None:
         return None
     patch_warp, template, correlation = registered
@@ -137,17 +159,20 @@ def _crop(
 
 
 def _register(
-    patch: NDArray[np.float32], warp: Floats, dictionary: str, marker_id: int, size: int
+    patch: NDArray[np.float32], warp: Floats, dictionary: str, marker_id: int, size: int, coarse_size: int
 ) -> tuple[Floats, NDArray[np.float32], float] | None:
-    """Align the template, sharp at first, then with the blur that fits the image best."""
-    coarse, template = BLURS_MODULES[2], None
-    found = _align(_template(dictionary, marker_id, size, coarse), patch, warp, ITERATIONS // 4)
+    """Align a coarse template, then a fine one with the blur that fits the image best."""
+    ratio = size / coarse_size
+    to_fine = np.array([[ratio, 0, (ratio - 1) / 2], [0, ratio, (ratio - 1) / 2], [0, 0, 1.0]])
+    template = _template(dictionary, marker_id, coarse_size, COARSE_BLUR_MODULES)
+    found = _align(template, patch, warp @ to_fine, COARSE_ITERATIONS)
     if found is None:
         return None
-    warp, _ = found
+    warp = found[0] @ np.linalg.inv(to_fine)
     seen = cv2.warpPerspective(patch, warp, (size, size), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
-    fits = [_correlation(seen, _template(dictionary, marker_id, size, blur)) for blur in BLURS_MODULES]
-    template = _template(dictionary, marker_id, size, BLURS_MODULES[int(np.argmax(fits))])
+    # A template's mean is taken out of it already, so that of the image does not matter.
+    best = int(np.argmax(_normalised(dictionary, marker_id, size) @ seen.ravel()))
+    template = _template(dictionary, marker_id, size, BLURS_MODULES[best])
     found = _align(template, patch, warp, ITERATIONS)
     return None if found is None else (found[0], template, found[1])
 
@@ -165,11 +190,6 @@ def _align(
     return np.asarray(aligned, dtype=float), float(correlation)
 
 
-def _correlation(a: Floats, b: Floats) -> float:
-    a, b = a - a.mean(), b - b.mean()
-    return float((a * b).sum() / np.sqrt((a * a).sum() * (b * b).sum() + 1e-30))
-
-
 def _apply(warp: Floats, size: int) -> Floats:
     """Image pixels (2,) of the template's centre."""
     x, y, w = warp @ ((size - 1) / 2, (size - 1) / 2, 1.0)
@@ -183,29 +203,29 @@ def _covariance(seen: Floats, template: Floats, warp: Floats, sensor: Sensor) ->
     centre, then gain and offset.
     """
     size = template.shape[0]
-    x, y = _grid(size)
-    model = np.column_stack([template.ravel(), np.ones(size * size)])
-    (gain, offset), *_ = np.linalg.lstsq(model, seen.ravel(), rcond=None)
+    flat, image = template.ravel(), seen.ravel()
+    mean, image_mean = flat.mean(), image.mean()
+    gain = float(((flat - mean) @ (image - image_mean)) / ((flat - mean) @ (flat - mean)))
     if gain <= 0:
         return None
     gy, gx = (gain * slope.ravel() for slope in np.gradient(template))
-    design = np.column_stack(
-        [gx, gy, gx * x, gx * y, gy * x, gy * y, gx * x * x + gy * x * y, gx * x * y + gy * y * y, model]
-    )
+    moves = _fields(size)
+    design = np.concatenate([moves[:, 0] * gx + moves[:, 1] * gy, [flat, np.ones_like(flat)]])
     to_image = _local_scale(warp, size)
     # One template pixel stands for this many image pixels, each with a noise of its own.
     area = abs(np.linalg.det(to_image))
-    fitted = gain * template.ravel() + offset
+    fitted = gain * (flat - mean) + image_mean
     electrons = np.maximum((fitted - sensor.black_level_dn) * sensor.gain_e_per_dn, 0.0)
     noise = (electrons + sensor.read_noise_e**2) / sensor.gain_e_per_dn**2 + 1 / 12
-    normal = design.T @ design
+    normal = (design @ design.T).astype(float)
     try:
         inverse = np.linalg.inv(normal)
     except np.linalg.LinAlgError:
         return None
-    spread = inverse @ ((design * noise[:, None]).T @ design) @ inverse / area
+    spread = inverse @ ((design * noise) @ design.T).astype(float) @ inverse / area
     covariance = to_image @ spread[:2, :2] @ to_image.T
-    return np.asarray(covariance + BIAS_FLOOR_PX**2 * np.eye(2))
+    # Single precision sums leave the two halves different in the seventh digit.
+    return np.asarray((covariance + covariance.T) / 2 + BIAS_FLOOR_PX**2 * np.eye(2))
 
 
 def _local_scale(warp: Floats, size: int) -> Floats:

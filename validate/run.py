@@ -17,7 +17,7 @@ from rich.console import Console
 from pss import RangeError
 from render import backend
 from render.sampling import Sampling
-from scenes import SceneError, load_scene, load_sweep
+from scenes import SceneError, known_sweeps, load_scene, load_sweep
 from validate import claims, compare, figures, summary, tables
 from validate.acquire import Acquired, Acquisition, acquire
 from validate.progress import EXPECTED_SECONDS, ViewProgress, clock
@@ -94,6 +94,8 @@ def execute(options: Options, console: Console, errors: Console) -> int:
 
 def _check(options: Options) -> None:
     """What the user can get wrong before any file is read."""
+    if not options.sweeps:
+        raise RangeError(f"no sweep given; allowed: {', '.join(known_sweeps())}, or the paths of .toml files")
     if options.trials is not None and options.trials < 2:
         raise RangeError(f"--trials {options.trials}; allowed: 2 or more (choices are made and scored on two halves)")
     if options.seed is not None and options.seed < 0:

@@ -19,6 +19,12 @@ import tyro
 __all__ = ["main", "run_sweep"]
 
 RESERVED = ("store", "compare", "check", "new-scene", "figures")
+DESCRIPTION = """Predict and measure sweeps of camera settings; see README.md for what is left in the results folder.
+
+Examples:
+  run_sweep.py zoom focus selection
+  run_sweep.py zoom --set sensor.exposure_ms=8 --set cameras.2.focus_distance_m=3.5
+  run_sweep.py my_sweep.toml --out results/mine --trials 50"""
 EXIT_DONE, EXIT_FAILED, EXIT_MISTAKE, EXIT_INTERRUPTED = 0, 1, 2, 130
 
 
@@ -35,11 +41,6 @@ def run_sweep(
     dry_run: bool = False,
 ) -> int:
     """Predict and measure sweeps of camera settings.
-
-    Examples:
-      run_sweep.py zoom focus selection
-      run_sweep.py zoom --set sensor.exposure_ms=8 --set cameras.2.focus_distance_m=3.5
-      run_sweep.py my_sweep.toml --out results/mine --trials 50
 
     Args:
         sweeps: names of files in scenes/sweeps, or paths of such files.
@@ -69,7 +70,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"run_sweep.py: '{arguments[0]}' is kept for a subcommand that does not exist yet", file=sys.stderr)
         return EXIT_MISTAKE
     try:
-        return tyro.cli(run_sweep, prog="run_sweep.py", args=arguments)
+        return tyro.cli(run_sweep, prog="run_sweep.py", description=DESCRIPTION, args=arguments)
     except KeyboardInterrupt:
         print("interrupted; what is rendered and measured stays in the store", file=sys.stderr)
         return EXIT_INTERRUPTED

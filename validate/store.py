@@ -11,6 +11,7 @@ import hashlib
 import io
 import os
 import tempfile
+import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -90,6 +91,7 @@ class Store:
                 return {name: archive[name] for name in archive.files}
         except FileNotFoundError:
             return None
-        except (OSError, ValueError, EOFError, KeyError):  # cut short by another program: made again
+        except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile):
+            # Cut short by another program: made again.
             path.unlink(missing_ok=True)
             return None

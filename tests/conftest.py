@@ -1,0 +1,48 @@
+"""What the rendering tests share: the shipped room, lit once a session (15 s on two quiet cores)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+ROOM_FILE = Path(__file__).parents[1] / "scenes" / "room.toml"
+
+
+@pytest.fixture(scope="session")
+def room():
+    """The shipped room."""
+    from scenes.scene import load_scene
+
+    return load_scene(ROOM_FILE)
+
+
+@pytest.fixture(scope="session")
+def room_store(room, tmp_path_factory):
+    """A store that holds the room's light."""
+    from validate.acquire import baked
+    from validate.store import Store
+
+    # Workers of pytest-xdist have a folder each, beside each other.
+    base = tmp_path_factory.getbasetemp()
+    store = Store((base.parent if base.name.startswith("popen-") else base) / "room-store")
+    baked(room.state, store)
+    return store
+
+
+@pytest.fixture(scope="session")
+def mi():
+    """Mitsuba, with a libLLVM that was asked for its version first."""
+    from render import backend
+
+    return backend.start(backend.choose())
+
+
+@pytest.fixture(scope="session")
+def room_renderer(room, room_store, mi):
+    """A renderer of the shipped room."""
+    from render import backend
+    from render.view import Renderer
+    from validate.acquire import baked
+
+    return Renderer(room.state, baked(room.state, room_store), backend.choose())

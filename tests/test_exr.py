@@ -1,0 +1,218 @@
+"""A view's file gives back what was written, says what it is to other programs, and is refused when it is not ours."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+from pss import PSSError, PTZCamera
+from render.exr import ImageFileError, read_certificate, read_view, write_view
+from render.sampling import Sampling
+from render.sensor import Sensor
+from render.state import Light, MarkerPrint, Room, SceneState
+from render.view import RENDER_VERSION, Certificate, RenderedView, ViewRequest
+
+WIDTH, HEIGHT = 37, 23
+# Half floats carry 11 bits: the normal's layer is for the eye.
+HALF = 2.0**-11
+
+
+@pytest.fixture
+def request_and_view() -> tuple[ViewRequest, RenderedView]:
+    """A view of awkward numbers, made without rendering."""
+    rng = np.random.default_rng(5)
+    camera = PTZCamera(
+        (0.1, -1 / 3, 2.8), 123.456789012345, -20.1, np.pi, focus_distance_m=3.3, resolution=(WIDTH, HEIGHT), name="4"
+    )
+    sensor = Sensor(550.0, 0.5, 4.0, 10_000.0, 6.0, 16, 64)
+    state = SceneState(
+        Room(6.0, 6.0, 3.0, 0.5, 0.5, 0.5), Light(0.2, ()), (), (), MarkerPrint("DICT_4X4_100", 1.0, 0.85, 0.04)
+    )
+    request = ViewRequest(state, camera, sensor, Sampling(noise_ratio=0.1), "mitsuba-3.9.0-scalar_rgb")
+    depth = rng.uniform(0.5, 9, (HEIGHT, WIDTH)).astype(np.float32)
+    depth[0, 0] = np.inf
+    normal = rng.standard_normal((HEIGHT, WIDTH, 3))
+    marker = rng.integers(-1, 1000, (HEIGHT, WIDTH)).astype(np.int32)
+    marker[1, 1] = 2**24 - 1
+    capture = rng.integers(0, 2**16, (HEIGHT, WIDTH)).astype(np.uint16)
+    capture[0, :2] = 0, 2**16 - 1
+    view = RenderedView(
+        request.key,
+        camera,
+        sensor,
+        rng.lognormal(-5, 4, (HEIGHT, WIDTH)).astype(np.float32),
+        depth,
+        (normal / np.linalg.norm(normal, axis=-1, keepdims=True)).astype(np.float32),
+        marker,
+        capture,
+        Certificate(0.1, 1 / 3, float("nan"), 1e-7, 0.4, 123_456_789),
+    )
+    return request, view
+
+
+@pytest.fixture
+def path(tmp_path, request_and_view):
+    request, view = request_and_view
+    path = tmp_path / "view.exr"
+    write_view(path, view, request)
+    return path
+
+
+def test_round_trip_bit_for_bit(path, request_and_view):
+    """Camera, sensor, radiance, depth, capture, marker numbers and certificate come back bit for bit, types included.
+
+    The normals alone are stored in half precision.
+    """
+    _, view = request_and_view
+    back = read_view(path)
+    assert back.key == view.key
+    assert back.camera == view.camera
+    assert back.camera.name == view.camera.name
+    assert back.sensor == view.sensor
+    for name in ("radiance", "depth_m", "capture_dn", "marker_id"):
+        ours, theirs = getattr(view, name), getattr(back, name)
+        assert theirs.dtype == ours.dtype
+        np.testing.assert_array_equal(theirs, ours)
+    np.testing.assert_allclose(back.normal, view.normal, atol=HALF)
+    for certificate in (back.certificate, read_certificate(path)):
+        np.testing.assert_array_equal(dataclasses.astuple(certificate), dataclasses.astuple(view.certificate))
+        assert isinstance(certificate.samples, int)
+    np.testing.assert_array_equal(back.expected_electrons(), view.expected_electrons())
+
+
+def test_a_view_read_back_asks_for_the_same_key(path, request_and_view):
+    """The camera and the sensor of the file name the same view again."""
+    request, _ = request_and_view
+    back = read_view(path)
+    assert dataclasses.replace(request, camera=back.camera, sensor=back.sensor).key == back.key
+
+
+def test_other_programs_see_the_layers(path):
+    """OpenImageIO by itself: named channels in their types, the size, lossless compression."""
+    image = oiio.ImageInput.open(str(path))
+    spec = image.spec()
+    image.close()
+    assert (spec.width, spec.height) == (WIDTH, HEIGHT)
+    formats = [str(spec.channelformat(channel)) for channel in range(spec.nchannels)]
+    assert dict(zip(spec.channelnames, formats, strict=True)) == {
+        "Y": "float",
+        "capture": "float",
+        "depth.Z": "float",
+        "marker.id": "float",
+        "normal.X": "half",
+        "normal.Y": "half",
+        "normal.Z": "half",
+    }
+    assert spec.get_string_attribute("compression") == "zip"
+
+
+def test_header_says_what_the_view_is(path, request_and_view):
+    """OpenCV's K, R and t, lens, seed and versions are there for other tools, as JSON."""
+    request, view = request_and_view
+    image = oiio.ImageInput.open(str(path))
+    spec = image.spec()
+    image.close()
+
+    def attribute(name: str):
+        return json.loads(spec.get_string_attribute(f"pss:{name}"))
+
+    camera = view.camera
+    np.testing.assert_array_equal(attribute("K"), camera.intrinsic_matrix)
+    np.testing.assert_array_equal(attribute("R"), camera.rotation)
+    np.testing.assert_array_equal(attribute("t_m"), camera.translation_m)
+    # With them alone another program projects as the camera does.
+    point = np.array([1.0, 0.3, 1.1])
+    x, y, w = np.array(attribute("K")) @ (np.array(attribute("R")) @ point + attribute("t_m"))
+    np.testing.assert_allclose((x / w, y / w), camera.project(point)[0], rtol=1e-12)
+    assert attribute("lens")["aperture_diameter_m"] == camera.aperture_diameter_m
+    assert attribute("sampling") == dataclasses.asdict(request.sampling)
+    assert attribute("seed") == {"run_seed": 0, "streams": ["render", "sample capture"], "trial": 0}
+    versions = attribute("versions")
+    assert versions["render"] == RENDER_VERSION
+    assert versions["renderer"] == request.renderer
+    assert {"mitsuba", "drjit", "OpenImageIO", "numpy"} <= set(versions)
+    assert spec.get_string_attribute("pss:key") == request.key
+
+
+def foreign(path) -> None:
+    image = oiio.ImageBuf(oiio.ImageSpec(8, 6, 3, "float"))
+    assert image.write(str(path))
+
+
+def cut_short(path) -> None:
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) // 2])
+
+
+def cut_in_header(path) -> None:
+    path.write_bytes(path.read_bytes()[:300])
+
+
+def zeroed(path) -> None:
+    data = bytearray(path.read_bytes())
+    data[len(data) * 2 // 3 :] = bytes(len(data) - len(data) * 2 // 3)
+    path.write_bytes(bytes(data))
+
+
+def text(path) -> None:
+    path.write_text("not an image")
+
+
+def empty(path) -> None:
+    path.write_bytes(b"")
+
+
+def with_header(**attributes):
+    """A file with the layers of ours, and these attributes."""
+
+    def write(path) -> None:
+        spec = oiio.ImageSpec(8, 6, 1, "float")
+        for name, value in attributes.items():
+            spec.attribute(f"pss:{name}", value)
+        assert oiio.ImageBuf(spec).write(str(path))
+
+    return write
+
+
+DAMAGES = {
+    "missing": lambda path: path.unlink(),
+    "foreign": foreign,
+    "cut short": cut_short,
+    "cut in its header": cut_in_header,
+    "overwritten with zeros": zeroed,
+    "text": text,
+    "empty": empty,
+    "header that is no JSON": with_header(camera="{"),
+    "header of another kind": with_header(camera='{"colour": 1}', sensor="{}", certificate="[1]"),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
+def test_what_is_not_a_whole_view_is_refused(path, damage):
+    """Missing, damaged or foreign files raise the project's own error, which is also an OSError and names the file."""
+    damage(path)
+    with pytest.raises(ImageFileError, match=r"view\.exr") as caught:
+        read_view(path)
+    assert isinstance(caught.value, PSSError)
+    assert isinstance(caught.value, OSError)
+
+
+@pytest.mark.parametrize(
+    "damage", [DAMAGES[name] for name in DAMAGES if name not in ("cut short", "overwritten with zeros")]
+)
+def test_a_certificate_that_is_not_there_is_refused(path, damage):
+    """The same for the header alone, which a file whose pixels are lost may still have."""
+    damage(path)
+    with pytest.raises(ImageFileError, match=r"view\.exr"):
+        read_certificate(path)
+
+
+def test_a_folder_that_is_not_there_is_named(tmp_path, request_and_view):
+    """Writing into a missing folder raises ImageFileError with the path."""
+    request, view = request_and_view
+    with pytest.raises(ImageFileError, match="nowhere"):
+        write_view(tmp_path / "nowhere" / "view.exr", view, request)
