@@ -26,6 +26,10 @@ Floats = NDArray[np.float64]
 
 # Straight up or down has no horizontal direction left to define roll 0.
 MAX_ABS_TILT_DEG = 89.9
+NUMBERS = (
+    *("pan_deg", "tilt_deg", "zoom", "focus_distance_m"),
+    *("f_number", "pixel_pitch_m", "max_zoom", "widest_fov_deg"),
+)
 
 
 def as_points(points_m: ArrayLike, name: str = "points_m") -> Floats:
@@ -84,6 +88,9 @@ class PTZCamera:
         if len(resolution) != 2:
             raise ShapeError(f"resolution has {len(resolution)} numbers; allowed is 2 (width, height in pixels)")
         object.__setattr__(self, "position_m", tuple(float(x) for x in position))
+        # A whole number and its float are one setting: they must also be one in a file, and in a hash.
+        for name in NUMBERS:
+            object.__setattr__(self, name, float(getattr(self, name)))
         object.__setattr__(self, "resolution", tuple(int(n) for n in resolution))
         _require(all(math.isfinite(x) for x in self.position_m), "position_m", position, "finite metres")
         _require(math.isfinite(self.pan_deg), "pan_deg", self.pan_deg, "finite degrees")

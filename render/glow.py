@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.geometry import Surface, lamps, plate_corners, surfaces
+from render.geometry import THICKNESS_M, Surface, lamps, plate_corners, surfaces
 from render.light import Radiosity
 from render.markers import pattern, plate_texture
 from render.state import SceneState
@@ -58,6 +58,12 @@ def bake(state: SceneState, light: Radiosity) -> GlowMeshes:
         corners = plate_corners(marker, modules)
         corner_irradiance = light.irradiance(corners, np.tile(marker.normal, (4, 1)))
         plates.append(corners)
+        # Its back, for cameras that look past the ball at a plate that stands off: paper, lit by what gets behind it.
+        back, behind = corners[::-1] - THICKNESS_M * np.array(marker.normal), -np.tile(marker.normal, (4, 1))
+        vertices.append(back)
+        faces.append(np.array([[0, 2, 1], [0, 3, 2]]) + count)
+        radiance.append(state.print.white_albedo / np.pi * light.irradiance(back, behind))
+        count += len(back)
         textures.append(plate_texture(state.print, marker.id, corner_irradiance))
     texels = len(textures[0]) if textures else 1
     return GlowMeshes(

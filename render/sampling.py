@@ -23,6 +23,10 @@ __all__ = ["Sampled", "Sampling", "film_samples", "pixel_means", "sample_image"]
 
 Floats32 = NDArray[np.float32]
 
+# A pixel is sampled anew if it needs more than this many doublings beyond what the pilot said.
+POWERS_SHORT = 1
+ITSELF = np.array([[0, 0, 0], [0, 1, 0], [0, 0, 0]], dtype=bool)
+AROUND = ~ITSELF
 RAYS_AT_ONCE = 1 << 24
 TILE_PX = 32
 # The sampling error of a pixel that an edge crosses falls as n^-0.65 or faster under a Sobol net, sharp or defocused
@@ -48,10 +52,18 @@ class Sampling:
 
 @dataclass(frozen=True, eq=False)
 class Sampled:
-    """An image and the difference of its two halves: half of it estimates the sampling error of each pixel."""
+    """An image and what is known of its sampling noise.
+
+    Attributes:
+        mean: the image, (height, width).
+        half_difference: difference of its two independent halves; half of it estimates the sampling error.
+        variance: of the single samples within each pixel: what an edge that crosses the pixel makes large.
+        samples: spent on all of it, the pilot's included.
+    """
 
     mean: Floats32
     half_difference: Floats32
+    variance: Floats32
     samples: int
 
 
@@ -80,23 +92,51 @@ def sample_image(
     """
     width, height = resolution
     everywhere = np.arange(width * height, dtype=np.uint32)
-    mean, variance = (image.reshape(height, width) for image in sampler(everywhere, sampling.pilot, rng))
-    # An edge may miss the pilot's few samples in one pixel and show in the next.
-    worst = maximum_filter(variance, size=3)
-    excess = np.sqrt(worst) / (sampling.noise_ratio * sensor_noise(mean))
-    wanted = excess ** (1 / CONVERGENCE_EXPONENT)
-    # Powers of two keep the number of kernels small; half of them, because the image is made of two halves.
-    exponent = np.ceil(np.log2(np.clip(wanted, sampling.fewest, sampling.most))).astype(int).ravel()
+    pilot_mean, pilot_variance = sampler(everywhere, sampling.pilot, rng)
+    exponent = _needed_exponent(pilot_mean, pilot_variance, AROUND | ITSELF, resolution, sensor_noise, sampling)
 
     halves = np.zeros((2, width * height), dtype=np.float32)
+    variance = np.zeros(width * height, dtype=np.float32)
     spent = sampling.pilot * width * height
-    for power in np.unique(exponent):
-        pixels = everywhere[exponent == power]
-        for half in halves:
-            half[pixels], _ = sampler(pixels, 2 ** (int(power) - 1), rng)
-        spent += len(pixels) * 2 ** int(power)
-    first, second = halves.reshape(2, height, width)
-    return Sampled((first + second) / 2, first - second, spent)
+
+    def fill(chosen: NDArray[np.bool_]) -> int:
+        """Sample some pixels anew, both halves; the number of samples that it took."""
+        used = 0
+        for power in np.unique(exponent[chosen]):
+            pixels = everywhere[chosen & (exponent == power)]
+            found = [sampler(pixels, 2 ** (int(power) - 1), rng) for _ in halves]
+            for half, (mean, _) in zip(halves, found, strict=True):
+                half[pixels] = mean
+            variance[pixels] = (found[0][1] + found[1][1]) / 2
+            used += len(pixels) * 2 ** int(power)
+        return used
+
+    spent += fill(np.ones(width * height, dtype=bool))
+    # What the pilot's few samples all missed, such as the sliver of an edge in a pixel's corner, may show in the
+    # neighbours by now. The pixel's own samples have no say: to keep them because they look quiet would bias them.
+    second = _needed_exponent(halves.mean(axis=0), variance, AROUND, resolution, sensor_noise, sampling)
+    short = second > exponent + POWERS_SHORT
+    exponent[short] = second[short]
+    spent += fill(short)
+    first, other = halves.reshape(2, height, width)
+    return Sampled((first + other) / 2, first - other, variance.reshape(height, width), spent)
+
+
+def _needed_exponent(
+    mean: Floats32,
+    variance: Floats32,
+    footprint: NDArray[np.bool_],
+    resolution: tuple[int, int],
+    sensor_noise: Callable[[Floats32], Floats32],
+    sampling: Sampling,
+) -> NDArray[np.int64]:
+    """Power of two of the samples that each pixel needs, (height · width,), by the worst variance in `footprint`."""
+    width, height = resolution
+    # An edge may miss the few samples of one pixel and show in the next.
+    worst = maximum_filter(variance.reshape(height, width), footprint=footprint)
+    excess = np.sqrt(worst) / (sampling.noise_ratio * sensor_noise(mean.reshape(height, width)))
+    wanted = np.clip(excess ** (1 / CONVERGENCE_EXPONENT), sampling.fewest, sampling.most)
+    return np.ceil(np.log2(wanted)).astype(np.int64).ravel()
 
 
 def pixel_means(scene: Any, sensor: Any, mi: Any) -> PixelSampler:

@@ -28,8 +28,8 @@ SAMPLING = Sampling(noise_ratio=0.5, most=256)
 MARKER = 20
 # The difference of two renders over what their certificates state together (measured: 1.0).
 AGREEMENT = 1.4
-# Relative, of the mean over the view's pixels: 3072 pixels with 0.2 of their sensor noise of 3 % each.
-MEAN = 5e-4
+# Standard errors of the mean difference over the view's 3072 pixels; the seeds are fixed (measured: 2.2).
+LARGEST_SCORE = 4.0
 
 
 def run(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
@@ -176,10 +176,10 @@ def test_scalar_renders_the_same_view(room, room_store, room_renderer, tmp_path)
         difference = scalar["radiance"] - llvm.radiance
         rms = float(np.sqrt(((difference / sigma) ** 2).mean()))
         stated = float(np.hypot(scalar["image_rms"], llvm.certificate.image_rms))
-        mean = difference.mean() / llvm.radiance.mean()
-        print(f"RMS {rms:.3f} of the sensor noise, stated {stated:.3f}; mean {mean:+.1e}")
+        score = difference.mean() / (difference.std() / np.sqrt(difference.size))
+        print(f"RMS {rms:.3f} of the sensor noise, stated {stated:.3f}; mean off by {score:+.1f} standard errors")
         assert 1 / AGREEMENT < rms / stated < AGREEMENT
-        assert abs(mean) < MEAN
+        assert abs(score) < LARGEST_SCORE
         assert str(scalar["key"]) != llvm.key
         # Rays are the same but for rounding, which may decide what a pixel's centre on an edge hits.
         same = scalar["marker_id"] == llvm.marker_id
