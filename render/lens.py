@@ -48,4 +48,22 @@ def sensor_dict(camera: PTZCamera, mi: Any) -> dict[str, Any]:
 
 def load_sensor(camera: PTZCamera, mi: Any) -> Any:
     """Mitsuba's sensor object of `camera`."""
-    return mi.load_dict(sensor_dict(camera, mi))
+    sensor = mi.load_dict(sensor_dict(camera, mi))
+    if not mi.variant().startswith("scalar"):
+        _make_settings_data(sensor, mi)
+    return sensor
+
+
+def _make_settings_data(sensor: Any, mi: Any) -> None:
+    """Turn the settings from constants in the compiled code into data, so that a new setting compiles nothing new.
+
+    As constants they cost a second of compilation for each view (benchmarks/README.md).
+    """
+    import drjit as dr
+
+    parameters = mi.traverse(sensor)
+    for name in ("to_world", "aperture_radius", "focus_distance", "x_fov"):
+        value = parameters[name]
+        dr.make_opaque(value)
+        parameters[name] = value
+    parameters.update()

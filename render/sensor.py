@@ -18,8 +18,8 @@ __all__ = ["Sensor", "capture", "expected_electrons", "noise_electrons", "relati
 
 Floats = NDArray[np.floating]
 
-# From here on the distribution function of the expansion is within 0.002 of Poisson's.
-EXACT_BELOW_E = 25.0
+# From here on the distribution function of the expansion is within 0.0009 of Poisson's.
+EXACT_BELOW_E = 12.0
 PLANCK_TIMES_LIGHT_SPEED_J_M = 6.62607015e-34 * 299_792_458.0
 
 

@@ -36,7 +36,7 @@ TEMPLATE_TEXELS_PER_MODULE = 16
 # Gaussian blurs (σ in modules) that the template is tried with: from a sharp print to a marker that just decodes.
 BLURS_MODULES = (0.045, 0.08, 0.13, 0.2, 0.3, 0.42, 0.6)
 COARSE_BLUR_MODULES = 0.2
-COARSE_ITERATIONS, ITERATIONS = 8, 20
+COARSE_ITERATIONS, ITERATIONS = 8, 5
 PRECISION = 1e-5
 # What registration leaves as a bias that no covariance from noise can know of (px, σ per axis); RMS measured on
 # noise-free renders (benchmarks/README.md).

@@ -37,7 +37,7 @@ __all__ = [
 Floats = NDArray[np.float64]
 
 # Named in the store's hash: raised whenever detection or localisation change.
-DETECTOR = "registration-3"
+DETECTOR = "registration-4"
 
 
 @dataclass(frozen=True, eq=False)
