@@ -1,4 +1,4 @@
-"""What `make test` has no time for: the paper's three experiments at full size, judged as a whole (`make acceptance`)."""
+"""What `make test` has no time for: the paper's three experiments at full size (`make acceptance`)."""
 
 from __future__ import annotations
 
