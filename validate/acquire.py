@@ -126,7 +126,8 @@ def _make(
     for item in todo:
         request = item.request
         if not _certified(item, store, acquired):
-            progress.note(f"rendering camera {request.camera.name}")
+            light_is_solved = state_key(request.state) in renderers or store.light(state_key(request.state)).exists()
+            progress.note(f"rendering camera {request.camera.name}" if light_is_solved else "solving the scene's light")
             begin = time.perf_counter()
             try:
                 view = _renderer(request.state, store, chosen, renderers).render(request)

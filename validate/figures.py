@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter
+from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from validate.contact_sheet import contact_sheet
@@ -129,6 +129,7 @@ def points_figure(result: SweepResult) -> Figure:
         axes.set(xscale="log", yscale="log", xlabel="predicted √tr C in mm", ylabel="measured RMS in mm", title=model)
         axes.grid(alpha=0.3, which="both", lw=0.4)
         for axis in (axes.xaxis, axes.yaxis):
+            axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
             axis.set_major_formatter("{x:g}")
             axis.set_minor_formatter(NullFormatter())
         if known.any():

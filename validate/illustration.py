@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from pss import PTZCamera, Rectangle, Sphere
 from render.geometry import plate_corners
+from render.state import Room
 from validate.sweep import SweepResult
 
 __all__ = ["draw_configuration", "shared_colours"]
@@ -52,7 +53,7 @@ def draw_configuration(axes: Axes3D, result: SweepResult, step: int, norm: LogNo
         if camera.name in active:
             chosen = next(c for c in configuration.cameras if c.name == camera.name)
             varied = configuration.parameter == "selection" or _differs(result, camera.name, first)
-            _camera(axes, chosen, VARIED if varied else OTHER)
+            _camera(axes, chosen, VARIED if varied else OTHER, room)
         else:
             axes.scatter(*camera.position_m, color=IDLE, s=12)
             axes.text(*camera.position_m, f" {camera.name}", color=IDLE, fontsize=8)
@@ -92,16 +93,21 @@ def _objects(axes: Axes3D, result: SweepResult) -> None:
             )
 
 
-def _camera(axes: Axes3D, camera: PTZCamera, colour: str) -> None:
-    """Position, number, edges of the field of view up to the focus, and the plane in focus."""
+def _camera(axes: Axes3D, camera: PTZCamera, colour: str, room: Room) -> None:
+    """Position, number, edges of the field of view up to the focus or the walls, and the plane in focus if inside."""
     position = np.array(camera.position_m)
     width, height = camera.resolution
     half = np.array([width, height]) / 2 / camera.focal_px * camera.focus_distance_m
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half
     local = np.column_stack([corners, np.full(4, camera.focus_distance_m)])
-    plane = position + local @ camera.rotation
-    for corner in plane:
-        axes.plot(*np.column_stack([position, corner]), color=colour, lw=0.5, alpha=0.55)
-    axes.add_collection3d(Poly3DCollection([plane], facecolors=colour, alpha=0.06, edgecolors=colour, linewidths=0.4))
+    rays = local @ camera.rotation
+    walls = np.array([[-room.width_m / 2, -room.length_m / 2, 0], [room.width_m / 2, room.length_m / 2, room.height_m]])
+    with np.errstate(divide="ignore"):
+        exits = ((np.where(rays > 0, walls[1], walls[0]) - position) / rays).min(axis=1)
+    for ray, end in zip(rays, np.minimum(exits, 1.0), strict=True):
+        axes.plot(*np.column_stack([position, position + end * ray]), color=colour, lw=0.5, alpha=0.55)
+    if (exits >= 1).all():
+        plane = Poly3DCollection([position + rays], facecolors=colour, alpha=0.06, edgecolors=colour, linewidths=0.4)
+        axes.add_collection3d(plane)
     axes.scatter(*position, color=colour, s=26, depthshade=False)
     axes.text(*(position + (0, 0, 0.12)), camera.name, color=colour, fontsize=9, weight="bold")
