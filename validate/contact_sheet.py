@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import cv2
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.exr import read_view
+from render.view import RenderedView
 from validate.acquire import Acquisition
 from validate.detect import find_markers
 from validate.store import Store, atomic_path
@@ -30,13 +32,20 @@ def displayed(capture_dn: NDArray[np.uint16], black_level_dn: int) -> NDArray[np
 def contact_sheet(path: Path, result: SweepResult, store: Store) -> Path:
     """Write the captures of the varied cameras (rows) over a few steps of the sweep (columns)."""
     steps = np.unique(np.linspace(0, len(result.configurations) - 1, MOST_COLUMNS).astype(int))
-    columns = []
+    names = _cameras_to_show(result)
+    shown: list[list[tuple[str, Acquisition]]] = []
     for step in steps:
-        configuration, wanted = result.configurations[step], result.views[step]
-        names = _cameras_to_show(result)
-        pairs = zip(configuration.cameras, wanted, strict=True)
-        shown = [(camera, item) for camera, item in pairs if names is None or camera.name in names][:MOST_ROWS]
-        columns.append([_thumbnail(item, store, f"{configuration.label}  camera {c.name}") for c, item in shown])
+        configuration = result.configurations[step]
+        pairs = zip(configuration.cameras, result.views[step], strict=True)
+        chosen = [(camera, item) for camera, item in pairs if names is None or camera.name in names][:MOST_ROWS]
+        shown.append([(f"{configuration.label}  camera {camera.name}", item) for camera, item in chosen])
+    paths = {store.view(item.request.key) for column in shown for _, item in column}
+    # Unpacking the images is most of the work, and leaves Python alone.
+    with ThreadPoolExecutor() as pool:
+        views = dict(zip(paths, pool.map(read_view, paths), strict=True))
+    columns = [
+        [_thumbnail(item, views[store.view(item.request.key)], caption) for caption, item in column] for column in shown
+    ]
     rows = max(len(column) for column in columns)
     height, width = max(picture.shape[:2] for column in columns for picture in column)
     sheet = np.full((rows * (height + 6), len(columns) * (width + 6), 3), 255, dtype=np.uint8)
@@ -57,8 +66,7 @@ def _cameras_to_show(result: SweepResult) -> set[str] | None:
     return changed or None
 
 
-def _thumbnail(item: Acquisition, store: Store, caption: str) -> NDArray[np.uint8]:
-    view = read_view(store.view(item.request.key))
+def _thumbnail(item: Acquisition, view: RenderedView, caption: str) -> NDArray[np.uint8]:
     grey = displayed(view.capture_dn, view.sensor.black_level_dn)
     scale = THUMBNAIL_PX / grey.shape[1]
     small = cv2.cvtColor(cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), cv2.COLOR_GRAY2BGR)
