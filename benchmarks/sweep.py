@@ -11,8 +11,8 @@ import json
 import subprocess
 import sys
 import tempfile
-import threading
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -35,44 +35,55 @@ def resident_bytes(root: int) -> tuple[int, int]:
     return max(found), sum(found)
 
 
-def timed(folder: Path, out: str) -> tuple[float, int, int]:
-    """Run the three sweeps; seconds, and the peaks of the largest process and of all."""
-    arguments = ["zoom", "focus", "selection", "--store", str(folder / "store"), "--out", str(folder / out)]
-    begin = time.perf_counter()
-    process = subprocess.Popen(
-        [sys.executable, str(ROOT / "validate" / "run_sweep.py"), *arguments], cwd=ROOT, stdout=subprocess.DEVNULL
-    )
-    largest = together = 0
-    done = threading.Event()
+@dataclass(frozen=True)
+class Timed:
+    """A finished run: exit code, seconds, peak memory of the largest process and of all, and what it printed."""
 
-    def watch() -> None:
-        nonlocal largest, together
-        while not done.wait(0.25):
+    code: int
+    seconds: float
+    largest_bytes: int
+    together_bytes: int
+    printed: str
+
+
+def timed(folder: Path, out: str) -> Timed:
+    """Run the three sweeps with the store and the results under `folder`."""
+    arguments = ["zoom", "focus", "selection", "--store", str(folder / "store"), "--out", str(folder / out)]
+    script = [sys.executable, str(ROOT / "validate" / "run_sweep.py"), *arguments]
+    begin = time.perf_counter()
+    with (folder / f"{out}.log").open("w+", encoding="utf-8") as log:
+        process = subprocess.Popen(script, cwd=ROOT, stdout=log, stderr=subprocess.STDOUT)
+        largest = together = 0
+        while process.poll() is None:
             one, everything = resident_bytes(process.pid)
             largest, together = max(largest, one), max(together, everything)
+            time.sleep(0.25)
+        seconds = time.perf_counter() - begin
+        log.seek(0)
+        return Timed(process.returncode, seconds, largest, together, log.read())
 
-    watcher = threading.Thread(target=watch)
-    watcher.start()
-    process.wait()
-    done.set()
-    watcher.join()
-    return time.perf_counter() - begin, largest, together
+
+def figures(folder: Path, first: Timed, again: Timed) -> str:
+    """What two runs into `folder`/first and `folder`/again took, in lines."""
+    with (folder / "first" / "views.csv").open(encoding="utf-8") as file:
+        samples = sum(int(row["samples"]) for row in csv.DictReader(file))
+    stored = sum(path.stat().st_size for path in (folder / "store").rglob("*") if path.is_file())
+    record = json.loads((folder / "first" / "run.json").read_text())
+    stages = ", ".join(f"{stage} {seconds:.1f} s" for stage, seconds in record["seconds"].items())
+    return (
+        f"first run {first.seconds:.0f} s, repeated {again.seconds:.1f} s, ratio {first.seconds / again.seconds:.1f}\n"
+        f"stages of the first run: {stages}\n"
+        f"{record['rendered']} views, {samples / 1e9:.2f} G samples, {stored / 1e6:.0f} MB stored\n"
+        f"peak memory {first.largest_bytes / 1e9:.2f} GB in the largest process, "
+        f"{first.together_bytes / 1e9:.2f} GB in all"
+    )
 
 
 def main() -> None:
     """Print the figures."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        first, largest, together = timed(folder, "first")
-        again, *_ = timed(folder, "again")
-        with (folder / "first" / "views.csv").open(encoding="utf-8") as file:
-            samples = sum(int(row["samples"]) for row in csv.DictReader(file))
-        stored = sum(path.stat().st_size for path in (folder / "store").rglob("*") if path.is_file())
-        record = json.loads((folder / "first" / "run.json").read_text())
-    print(f"first run {first:.0f} s, repeated {again:.1f} s, ratio {first / again:.1f}")
-    print("stages: " + ", ".join(f"{stage} {seconds:.1f} s" for stage, seconds in record["seconds"].items()))
-    print(f"{record['rendered']} views, {samples / 1e9:.2f} G samples, {stored / 1e6:.0f} MB stored")
-    print(f"peak memory {largest / 1e9:.2f} GB in the largest process, {together / 1e9:.2f} GB in all")
+        print(figures(folder, timed(folder, "first"), timed(folder, "again")))
 
 
 if __name__ == "__main__":

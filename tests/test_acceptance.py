@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import csv
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
+from benchmarks.sweep import figures, timed
+
 pytestmark = pytest.mark.acceptance
 
-ROOT = Path(__file__).parents[1]
 TABLES = ("configurations.csv", "points.csv", "views.csv", "correlation.csv", "detection.csv", "claims.csv")
 # Sampling noise over sensor noise at the edges of markers, RMS, in the median view.
 RENDER_NOISE_RATIO = 0.5
@@ -24,21 +22,22 @@ def rows(path):
         return list(csv.DictReader(file))
 
 
-def run(folder, out):
-    """Run the three sweeps of the paper."""
-    arguments = ["zoom", "focus", "selection", "--store", str(folder / "store"), "--out", str(folder / out)]
-    script = [sys.executable, str(ROOT / "validate" / "run_sweep.py"), *arguments]
-    return subprocess.run(script, capture_output=True, text=True, check=False, cwd=ROOT)
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """A folder with the first run in first/ and a repeated one in again/, and both runs' figures."""
+    folder = tmp_path_factory.mktemp("paper")
+    first, again = timed(folder, "first"), timed(folder, "again")
+    assert first.code == 0, first.printed
+    assert again.code == 0, again.printed
+    print(first.printed)
+    print(figures(folder, first, again))
+    return folder, again
 
 
 @pytest.fixture(scope="module")
-def first(tmp_path_factory):
-    """A folder with the finished first run."""
-    folder = tmp_path_factory.mktemp("paper")
-    done = run(folder, "first")
-    print(done.stdout)
-    assert done.returncode == 0, done.stderr
-    return folder
+def first(runs):
+    """The folder of both runs."""
+    return runs[0]
 
 
 def test_sampling_noise_is_below_half_the_sensors(first):
@@ -68,10 +67,9 @@ def test_each_view_was_rendered_once(first):
     assert len({row["view"] for row in views}) == len(views) == len(list((first / "store" / "views").rglob("*.exr")))
 
 
-def test_a_repeated_run_says_the_same(first):
+def test_a_repeated_run_says_the_same(runs):
     """Nothing is rendered again, and the tables are the same byte for byte."""
-    done = run(first, "second")
-    assert done.returncode == 0, done.stderr
-    assert "0 rendered, 0 measured now" in done.stdout
+    folder, again = runs
+    assert "0 rendered, 0 measured now" in again.printed
     for name in TABLES:
-        assert (first / "first" / name).read_bytes() == (first / "second" / name).read_bytes(), name
+        assert (folder / "first" / name).read_bytes() == (folder / "again" / name).read_bytes(), name

@@ -131,14 +131,12 @@ class SweepReplicates:
         measured_pss: 1/m, single-frame kind.
         predicted_pss: 1/m, Eq. 10 under the same point weights.
         rms_m: m, pooled over the detected points; nan where there is none.
-        worst_rms_m: m, the largest RMS of a detected point (trials resampled only); nan where there is none.
         trial_weights, point_weights: (B, T) and (B, N), rows of sum 1, for other statistics on the same resamples.
     """
 
     measured_pss: Floats
     predicted_pss: Floats
     rms_m: Floats
-    worst_rms_m: Floats
     trial_weights: Floats
     point_weights: Floats
 
@@ -170,16 +168,14 @@ def sweep_replicates(
     trials, points, _ = shapes.pop()
     trial_weights = rng.dirichlet(np.ones(trials), size=replicates)
     point_weights = rng.dirichlet(np.ones(points), size=replicates)
-    measured_pss, rms, worst = np.empty((3, replicates, len(errors)))
+    measured_pss, rms = np.empty((2, replicates, len(errors)))
     for s, configuration in enumerate(errors):
         inverse_sigma, mean_squares = _trial_replicates(configuration, trial_weights)
         measured_pss[:, s] = (inverse_sigma * point_weights).sum(axis=1)
         weights = point_weights * (configuration.detections > 0)
         with np.errstate(invalid="ignore"):  # no point detected: 0/0, nan
             rms[:, s] = np.sqrt((weights * mean_squares).sum(axis=1) / weights.sum(axis=1))
-        detected = configuration.detections > 0
-        worst[:, s] = np.sqrt(mean_squares[:, detected].max(axis=1)) if detected.any() else np.nan
-    return SweepReplicates(measured_pss, point_weights @ predicted.T, rms, worst, trial_weights, point_weights)
+    return SweepReplicates(measured_pss, point_weights @ predicted.T, rms, trial_weights, point_weights)
 
 
 def _trial_replicates(errors: MeasuredErrors, trial_weights: Floats) -> tuple[Floats, Floats]:

@@ -68,7 +68,9 @@ def _claims_table(results: Sequence[SweepResult]) -> Table:
     for result in results:
         for row in claim_rows(result):
             side = " ".join(filter(None, (str(row["side"]), str(row["noise_model"]))))
-            value = f"{row['value']:.3g} [{row['ci_low']:.3g}, {row['ci_high']:.3g}]"
+            value = f"{row['value']:.3g}"
+            if not np.isnan(row["ci_low"]):
+                value += f" [{row['ci_low']:.3g}, {row['ci_high']:.3g}]"
             table.add_row(row["sweep"], row["claim"], side, row["holds"], row["figure"], value)
         table.add_section()
     return table
