@@ -123,20 +123,23 @@ def points_figure(result: SweepResult) -> Figure:
     for axes, model in zip(panels[0], models, strict=True):
         predicted = np.concatenate([a.predicted[model].single_frame_rms_m for a in result.assessments]) * 1000
         known = np.isfinite(predicted) & np.isfinite(measured)
+        axes.set(xlabel="predicted √tr C in mm", ylabel="measured RMS in mm", title=model)
+        if not known.any():  # a configuration of one camera: a logarithmic axis of nothing has no ticks
+            axes.text(0.5, 0.5, "no point is observable and measured", ha="center", transform=axes.transAxes)
+            continue
         dots = axes.scatter(
             predicted[known], measured[known], c=views[known], s=9, alpha=0.6, cmap="viridis", norm=counts, lw=0
         )
-        axes.set(xscale="log", yscale="log", xlabel="predicted √tr C in mm", ylabel="measured RMS in mm", title=model)
+        axes.set(xscale="log", yscale="log")
         axes.grid(alpha=0.3, which="both", lw=0.4)
         for axis in (axes.xaxis, axes.yaxis):
             axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
             axis.set_major_formatter("{x:g}")
             axis.set_minor_formatter(NullFormatter())
-        if known.any():
-            ends = np.array([predicted[known].min(), predicted[known].max()])
-            ratio = np.median(measured[known] / predicted[known])
-            axes.plot(ends, ends * ratio, color="0.4", lw=1, label=f"measured = {ratio:.3g} × predicted (median)")
-            axes.legend(fontsize=8, loc="upper left")
+        ends = np.array([predicted[known].min(), predicted[known].max()])
+        ratio = np.median(measured[known] / predicted[known])
+        axes.plot(ends, ends * ratio, color="0.4", lw=1, label=f"measured = {ratio:.3g} × predicted (median)")
+        axes.legend(fontsize=8, loc="upper left")
         if counts is not None:
             bar = figure.colorbar(dots, ax=axes, label="views that should see the point", ticks=range(2, most + 1))
             bar.minorticks_off()
