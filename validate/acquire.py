@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Iterable
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -19,7 +19,7 @@ from render.exr import ImageFileError, read_certificate, write_view
 from render.light import solve_radiosity
 from render.state import SceneState
 from render.view import Certificate, Renderer, ViewRequest, state_key
-from validate.measure import MeasureTask, ViewMeasurement, load_measurement, measure, worker_pool
+from validate.measure import MeasureTask, ViewMeasurement, WorkerPool, load_measurement, measure
 from validate.progress import ViewProgress
 from validate.store import Store, StoreError, atomic_path
 
@@ -74,15 +74,11 @@ def acquire(
     todo = [item for item in unique if not item.task(store).path.exists() or not _certified(item, store, acquired)]
     with progress_for(len(todo)) as progress:
         if todo:
-            pool = worker_pool(max(1, os.cpu_count() or 1))
+            pool = WorkerPool(max(1, os.cpu_count() or 1))
             try:
                 _make(todo, store, chosen, pool, progress, acquired)
             except BaseException:
-                # No public way to stop busy workers before Python 3.14; a half-written file keeps its temporary name.
-                workers = list((pool._processes or {}).values())
-                pool.shutdown(wait=False, cancel_futures=True)
-                for worker in workers:
-                    worker.terminate()
+                pool.stop()
                 raise
             pool.shutdown()
     for item in unique:
@@ -117,7 +113,7 @@ def _make(
     todo: list[Acquisition],
     store: Store,
     chosen: backend.Backend,
-    pool: ProcessPoolExecutor,
+    pool: WorkerPool,
     progress: ViewProgress,
     acquired: Acquired,
 ) -> None:

@@ -6,12 +6,16 @@ the markers' numbers, and nothing of where they are.
 
 from __future__ import annotations
 
+import contextlib
 import os
+import signal
 import time
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
+from typing import TypeVar
 
 import cv2
 import numpy as np
@@ -22,20 +26,23 @@ from render.sensor import Sensor, capture
 from render.view import random_stream
 from validate.detect import find_markers
 from validate.localise import localise
-from validate.store import Store
+from validate.store import Store, discard_unfinished
 
 __all__ = [
     "DETECTOR",
     "MeasureTask",
     "ViewMeasurement",
+    "WorkerPool",
     "load_measurement",
     "measure",
     "measure_capture",
-    "worker_pool",
 ]
 
 Floats = NDArray[np.float64]
+T = TypeVar("T")
 
+# s, for a worker to end after it was told to; what it holds up is only the prompt.
+SECONDS_TO_STOP = 5.0
 # Named in the store's hash: raised whenever detection or localisation change.
 DETECTOR = "registration-4"
 
@@ -135,17 +142,52 @@ def load_measurement(task: MeasureTask) -> ViewMeasurement | None:
     )
 
 
-def worker_pool(workers: int) -> ProcessPoolExecutor:
-    """Processes that measure; "spawn", because a fork of a process with Dr.Jit's threads hangs."""
-    # One view a core: libraries that start threads of their own only get in each other's way.
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
-    return ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_start_worker)
+class WorkerPool(ProcessPoolExecutor):
+    """Processes that measure. Ctrl-C, which reaches the whole group, is the parent's business alone."""
+
+    def __init__(self, workers: int) -> None:
+        # One view a core: libraries that start threads of their own only get in each other's way.
+        for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+            os.environ.setdefault(name, "1")
+        # "spawn", because a fork of a process with Dr.Jit's threads hangs.
+        super().__init__(workers, mp_context=get_context("spawn"), initializer=_start_worker)
+
+    def submit(self, function: Callable[..., T], /, *args: object, **kwargs: object) -> Future[T]:
+        """Submit a call. A worker started for it inherits the blocked interrupt, so that not even its start is cut."""
+        with _interrupts_held():
+            return super().submit(function, *args, **kwargs)
+
+    def stop(self) -> None:
+        """Stop at once, busy workers too; no half-written file stays."""
+        # No public way to reach the workers before Python 3.14.
+        workers = list((self._processes or {}).values())
+        self.shutdown(wait=False, cancel_futures=True)
+        for worker in workers:
+            worker.terminate()
+        for worker in workers:
+            worker.join(SECONDS_TO_STOP)
+
+
+@contextlib.contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Hold Ctrl-C back until the block ends, where the system can (a signal mask)."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _start_worker() -> None:
-    import signal
-
-    # Ctrl-C reaches the whole group; the parent stops the workers.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # where no mask was inherited
+    signal.signal(signal.SIGTERM, _end_worker)
     cv2.setNumThreads(1)
+
+
+def _end_worker(_signal: int, _frame: object) -> None:
+    # Not by an exception: the pool would catch it as the task's and go on with the next.
+    discard_unfinished()
+    os._exit(128 + signal.SIGTERM)

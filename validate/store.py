@@ -21,9 +21,13 @@ from numpy.typing import NDArray
 
 from pss import PSSError
 
-__all__ = ["Store", "StoreError", "atomic_path", "write_text"]
+__all__ = ["Store", "StoreError", "atomic_path", "discard_unfinished", "write_text"]
 
 Arrays = dict[str, NDArray[np.generic]]
+
+
+# Temporary files that this process is writing, for whoever must stop it in the middle.
+_unfinished: set[Path] = set()
 
 
 class StoreError(PSSError, OSError):
@@ -40,6 +44,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
         raise StoreError(f"{path.parent}: {error.strerror}; allowed is a folder that can be written") from error
     os.close(handle)
     temporary = Path(name)
+    _unfinished.add(temporary)
     try:
         yield temporary
         os.chmod(temporary, 0o644)
@@ -49,6 +54,13 @@ def atomic_path(path: Path) -> Iterator[Path]:
             raise StoreError(f"{path}: the disk is full; what is stored already is whole and will be found") from error
         raise
     finally:
+        temporary.unlink(missing_ok=True)
+        _unfinished.discard(temporary)
+
+
+def discard_unfinished() -> None:
+    """Remove the files that this process has begun and not finished, before it ends without unwinding."""
+    for temporary in list(_unfinished):
         temporary.unlink(missing_ok=True)
 
 
