@@ -16,7 +16,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from render import backend, glow, lens
 from render.light import solve_radiosity
 from render.sampling import pixel_means
-from render.sensor import expected_electrons, noise_electrons
+from render.sensor import expected_electrons
 from scenes import load_scene
 
 PIXELS = 4000
@@ -41,7 +41,7 @@ def main() -> None:
         begin = time.perf_counter()
         image = sampler(np.arange(width * height, dtype=np.uint32), 16, rng)[0].reshape(height, width)
         rate = 16 * width * height / (time.perf_counter() - begin)
-        sigma = noise_electrons(image * per_radiance, scene.sensor) / per_radiance
+        sigma = scene.sensor.noise_electrons(image * per_radiance) / per_radiance
         contrast = (maximum_filter(image, 3) - minimum_filter(image, 3)) / sigma
         edges = np.flatnonzero(contrast > EDGE_CONTRAST)
         pixels = rng.choice(edges, PIXELS, replace=False).astype(np.uint32)

@@ -18,7 +18,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pss.distortion import undistorted
 from pss.errors import GeometryError, RangeError, ShapeError
+from pss.views import Views
 
 __all__ = ["PTZCamera", "as_points"]
 
@@ -26,9 +28,11 @@ Floats = NDArray[np.float64]
 
 # Straight up or down has no horizontal direction left to define roll 0.
 MAX_ABS_TILT_DEG = 89.9
+# With more blades an aperture is as good as round.
+MOST_BLADES = 32
 NUMBERS = (
     *("pan_deg", "tilt_deg", "zoom", "focus_distance_m"),
-    *("f_number", "pixel_pitch_m", "max_zoom", "widest_fov_deg"),
+    *("f_number", "pixel_pitch_m", "max_zoom", "widest_fov_deg", "psf_sigma_um"),
 )
 
 
@@ -60,6 +64,10 @@ class PTZCamera:
         f_number: focal length over aperture diameter.
         resolution: pixels (width, height).
         pixel_pitch_m: m, side of the square pixel (ps_k of Eq. 14).
+        radial_distortion: k₁ and k₂ of OpenCV's radial distortion (slope times 1 + k₁r² + k₂r⁴), no unit; the field of
+            view and the focal length are those of the lens without it.
+        psf_sigma_um: µm on the sensor (σ), the blur of the lens in focus by diffraction and aberration, as a Gaussian.
+        aperture_blades: straight blades of the aperture, 3 or more; 0 for a round one. The area is the round one's.
         max_zoom: upper limit of `zoom`.
         widest_fov_deg: degrees, horizontal field of view at zoom 1 (the paper: 90).
         name: how tables and figures call it.
@@ -79,6 +87,9 @@ class PTZCamera:
     pixel_pitch_m: float = 4.65e-6
     max_zoom: float = 8.0
     widest_fov_deg: float = 90.0
+    radial_distortion: tuple[float, float] = (0.0, 0.0)
+    psf_sigma_um: float = 0.0
+    aperture_blades: int = 0
     name: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
@@ -88,6 +99,11 @@ class PTZCamera:
         if len(resolution) != 2:
             raise ShapeError(f"resolution has {len(resolution)} numbers; allowed is 2 (width, height in pixels)")
         object.__setattr__(self, "position_m", tuple(float(x) for x in position))
+        distortion = tuple(float(k) for k in self.radial_distortion)
+        if len(distortion) != 2:
+            raise ShapeError(f"radial_distortion has {len(distortion)} numbers; allowed is 2 (k1, k2)")
+        object.__setattr__(self, "radial_distortion", distortion)
+        _require(all(map(math.isfinite, distortion)), "radial_distortion", distortion, "finite numbers")
         # A whole number and its float are one setting: they must also be one in a file, and in a hash.
         for name in NUMBERS:
             object.__setattr__(self, name, float(getattr(self, name)))
@@ -100,6 +116,14 @@ class PTZCamera:
         _require(min(self.resolution) >= 1, "resolution", resolution, "at least 1 × 1 pixel")
         _require(0 < self.pixel_pitch_m < 1e-3, "pixel_pitch_m", self.pixel_pitch_m, "above 0 and below 1e-3 metres")
         _require(0 < self.f_number < math.inf, "f_number", self.f_number, "above 0")
+        _require(0 <= self.psf_sigma_um < math.inf, "psf_sigma_um", self.psf_sigma_um, "0 or more, in micrometres")
+        object.__setattr__(self, "aperture_blades", int(self.aperture_blades))
+        _require(
+            self.aperture_blades == 0 or 3 <= self.aperture_blades <= MOST_BLADES,
+            "aperture_blades",
+            self.aperture_blades,
+            f"0 for a round aperture, or 3 to {MOST_BLADES}",
+        )
         # 1/f = 1/v + 1/d has a lens for every d > 0, but d <= v would be a magnifying close-up, not a camera.
         _require(
             self.image_distance_m < self.focus_distance_m < math.inf,
@@ -165,22 +189,27 @@ class PTZCamera:
         """Metres, a_k of Eq. 14: focal length over f-number."""
         return self.focal_length_m / self.f_number
 
+    @property
+    def psf_sigma_px(self) -> float:
+        """Pixels (σ), the blur of the lens in focus."""
+        return self.psf_sigma_um * 1e-6 / self.pixel_pitch_m
+
     def circle_of_confusion_px(self, points_m: ArrayLike) -> Floats:
         """Pixels, the diameter of the circle of confusion, Eq. 14, of `points_m` (..., 3); shape (...).
 
         Eq. 14's D is read as depth along the axis, since the surface in focus of a thin lens is a plane. With
         v = f d / (d − f), Eq. 14 equals a·f_px/d·|z − d|/z.
         """
-        depth = self.to_camera_frame(points_m)[..., 2]
-        self._refuse_centre(depth)
-        a, f, d, pitch = self.aperture_diameter_m, self.focal_length_m, self.focus_distance_m, self.pixel_pitch_m
-        return np.asarray(a / pitch * f / (d - f) * np.abs(depth - d) / np.abs(depth))  # Eq. 14
+        views, shape = self._views(points_m)
+        self._refuse_centre(views.depth_m)
+        return np.asarray(views.circle_of_confusion_px[0].reshape(shape))
 
     # ---- projection ------------------------------------------------------------------------------------------------
 
     def to_camera_frame(self, points_m: ArrayLike) -> Floats:
         """Metres in the camera frame (x right, y down, z forward) of `points_m` (..., 3); shape (..., 3)."""
-        return np.asarray((as_points(points_m) - np.array(self.position_m)) @ self.rotation.T)
+        views, shape = self._views(points_m)
+        return np.asarray(views.local_m[0].T.reshape(*shape, 3))
 
     def project(self, points_m: ArrayLike) -> tuple[Floats, Floats]:
         """Pixels (..., 2) and depth in metres (...) of `points_m` (..., 3).
@@ -190,46 +219,59 @@ class PTZCamera:
         Raises:
             GeometryError: a point lies in the plane through the lens (depth 0), where no pixel exists.
         """
-        local = self.to_camera_frame(points_m)
-        depth = local[..., 2]
-        self._refuse_centre(depth)
-        pixels = self.focal_px * local[..., :2] / depth[..., None] + np.array(self.principal_point_px)
-        return pixels, depth
+        views, shape = self._views(points_m)
+        self._refuse_centre(views.depth_m)
+        return np.asarray(views.pixels[0].reshape(*shape, 2)), np.asarray(views.depth_m[0].reshape(shape))
 
     def jacobian(self, points_m: ArrayLike) -> Floats:
         """Pixels per metre, ∂pixel/∂point, H_k of Eq. 5, at `points_m` (..., 3); shape (..., 2, 3)."""
-        local = self.to_camera_frame(points_m)
-        x, y, z = local[..., 0], local[..., 1], local[..., 2]
-        self._refuse_centre(z)
-        rows = np.zeros((*z.shape, 2, 3))
-        rows[..., 0, 0] = rows[..., 1, 1] = self.focal_px / z
-        rows[..., 0, 2], rows[..., 1, 2] = -self.focal_px * x / z**2, -self.focal_px * y / z**2
-        return np.asarray(rows @ self.rotation)
+        views, shape = self._views(points_m)
+        self._refuse_centre(views.depth_m)
+        return np.asarray(views.jacobian[0].reshape(*shape, 2, 3))
+
+    def undistorted_px(self, pixels: ArrayLike) -> Floats:
+        """Pixels (..., 2) where a lens without distortion would put what this one puts at `pixels` (..., 2).
+
+        Raises:
+            ShapeError: `pixels` does not end in 2.
+            RangeError: a pixel so far out that this lens images nothing there.
+        """
+        distorted = np.asarray(pixels, dtype=float)
+        if distorted.ndim < 1 or distorted.shape[-1] != 2:
+            raise ShapeError(f"pixels has shape {distorted.shape}; allowed is (..., 2)")
+        if not any(self.radial_distortion):
+            return distorted
+        middle = np.array(self.principal_point_px)
+        slopes = undistorted((distorted - middle) / self.focal_px, *self.radial_distortion)
+        return np.asarray(slopes * self.focal_px + middle)
 
     def in_frustum(self, points_m: ArrayLike) -> NDArray[np.bool_]:
         """Whether `points_m` (..., 3) project in front of the camera and onto the sensor's area; shape (...)."""
-        local = self.to_camera_frame(points_m)
-        # Half a pixel beyond the outermost pixel centres is the sensor's edge.
-        limits = np.array(self.resolution) / 2 / self.focal_px
-        return np.asarray((local[..., 2] > 0) & (np.abs(local[..., :2]) <= limits * local[..., 2:]).all(axis=-1))
+        views, shape = self._views(points_m)
+        return np.asarray(views.in_frustum[0].reshape(shape))
 
     def range_m(self, points_m: ArrayLike) -> Floats:
         """Metres from the lens centre to `points_m` (..., 3), D of Eq. 11; shape (...)."""
-        return np.asarray(np.linalg.norm(as_points(points_m) - np.array(self.position_m), axis=-1))
+        views, shape = self._views(points_m)
+        return np.asarray(views.range_m[0].reshape(shape))
 
     def cos_off_axis(self, points_m: ArrayLike) -> Floats:
         """Cosine of the off-axis angle θ of Eqs. 12 and 13 at `points_m` (..., 3); shape (...)."""
-        local = self.to_camera_frame(points_m)
-        distance = np.linalg.norm(local, axis=-1)
-        self._refuse_centre(distance)
-        return np.asarray(local[..., 2] / distance)
+        views, shape = self._views(points_m)
+        self._refuse_centre(views.range_m)
+        return np.asarray(views.cos_off_axis[0].reshape(shape))
 
     def cos_incidence(self, points_m: ArrayLike, normals: ArrayLike) -> Floats:
         """Cosine of the incidence angle α of Eq. 11 between the ray to the camera and the unit normal; shape (...)."""
-        to_camera = np.array(self.position_m) - as_points(points_m)
-        distance = np.linalg.norm(to_camera, axis=-1)
-        self._refuse_centre(distance)
-        return np.asarray((to_camera * as_points(normals, "normals")).sum(axis=-1) / distance)
+        points, directions = np.broadcast_arrays(as_points(points_m), as_points(normals, "normals"))
+        views = Views([self], points.reshape(-1, 3), directions.reshape(-1, 3))
+        self._refuse_centre(views.range_m)
+        return np.asarray(views.cos_incidence[0].reshape(points.shape[:-1]))
+
+    def _views(self, points_m: ArrayLike) -> tuple[Views, tuple[int, ...]]:
+        """The points, flat, as this camera sees them, and their shape without the last axis."""
+        points = as_points(points_m)
+        return Views([self], points.reshape(-1, 3)), points.shape[:-1]
 
     # ---- settings --------------------------------------------------------------------------------------------------
 

@@ -2,87 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pss.camera import PTZCamera, as_points
+from pss.covariances import from_six, to_six
 from pss.errors import RangeError, ShapeError
+from pss.evaluation import Evaluation, Evaluations, Task
 from pss.noise import NoiseModel, noise_model
-from pss.process import ProcessModel, RandomWalk
-from pss.riccati import measurement_information, posterior_covariance, steady_state_covariance_from_information
+from pss.observability import smallest_eigenvalue_3x3
+from pss.photometry import Appearance
+from pss.process import RandomWalk
+from pss.riccati import measurement_information
+from pss.sensors import Sensor
+from pss.steady_state import Process, as_groups, position_sigma
 from pss.surrogates import Shape
-from pss.visibility import visible_points
+from pss.views import Cameras, Views
+from pss.visibility import VISIBILITY_TESTS, VisibilityTest, visible_in
 
-__all__ = ["METRICS", "Evaluation", "Metric", "evaluate", "mean_inverse_sigma"]
+__all__ = ["evaluate", "evaluate_many"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+Indices = NDArray[np.intp]
 
-# The paper's definition of an observable point: c ≥ 2 cameras see it (section 3.2).
-CAMERAS_TO_OBSERVE = 2
-# Rays closer to parallel than double precision can tell apart carry no depth: smallest over largest eigenvalue of J.
+# Rays closer to parallel than double precision can tell apart carry no depth: smallest eigenvalue over trace of J.
 SMALLEST_INFORMATION_RATIO = 1e-13
 # A unit normal read from a file with seven digits is off by less.
 NORMAL_LENGTH_TOLERANCE = 1e-6
-
-
-@dataclass(frozen=True, eq=False)
-class Evaluation:
-    """What the metric says of one configuration of C cameras at N points, for a state of n numbers.
-
-    Unobservable points have nan in every array but `visible` and `observable`.
-
-    Attributes:
-        visible: (C, N), the camera sees the point.
-        observable: (N,), at least two cameras see it, and not along one line as far as double precision can tell.
-        covariance: (N, n, n), a-priori P∞, Eq. 4; the position block is in m².
-        posterior: (N, n, n), a-posteriori P⁺∞.
-        single_frame_covariance: m², (N, 3, 3), C = (Σ HᵀR⁻¹H)⁻¹ of one frame's triangulation.
-    """
-
-    visible: Bools
-    observable: Bools
-    covariance: Floats
-    posterior: Floats
-    single_frame_covariance: Floats
-
-    @property
-    def sigma_m(self) -> Floats:
-        """Metres, σ∞ of Eq. 9 of the position block, (N,)."""
-        return largest_standard_deviation(self.covariance[:, :3, :3])
-
-    @property
-    def rms_m(self) -> Floats:
-        """Metres, √tr of the position block of P∞, (N,)."""
-        return root_trace(self.covariance[:, :3, :3])
-
-    @property
-    def posterior_rms_m(self) -> Floats:
-        """Metres, √tr of the position block of P⁺∞, (N,)."""
-        return root_trace(self.posterior[:, :3, :3])
-
-    @property
-    def single_frame_sigma_m(self) -> Floats:
-        """Metres, √λmax of C, (N,)."""
-        return largest_standard_deviation(self.single_frame_covariance)
-
-    @property
-    def single_frame_rms_m(self) -> Floats:
-        """Metres, √tr of C, (N,): what the RMS error of triangulated points is compared with."""
-        return root_trace(self.single_frame_covariance)
-
-    @property
-    def pss(self) -> float:
-        """1/m, Eq. 10."""
-        return mean_inverse_sigma(self.sigma_m)
-
-    @property
-    def pss_single_frame(self) -> float:
-        """1/m, Eq. 10 with √λmax of C in place of σ∞."""
-        return mean_inverse_sigma(self.single_frame_sigma_m)
+DEFAULT_PROCESS = RandomWalk()
+# Camera–point pairs at once: large enough to hide Python, small enough for the arrays of a step to stay in the cache.
+PAIRS_AT_ONCE = 16384
+# For fewer matrices LAPACK takes less time than the calls of NumPy that the closed form is made of.
+FEWEST_IN_CLOSED_FORM = 400
+# Points at once even for thousands of cameras.
+SHORTEST_RUN = 128
+# Numbers kept of all cameras for the points at hand, before they are summed into configurations.
+MOST_NUMBERS_KEPT = 2e7
 
 
 def evaluate(
@@ -91,8 +49,11 @@ def evaluate(
     normals: ArrayLike,
     *,
     noise: NoiseModel | str = "as-printed",
-    process: ProcessModel | None = None,
+    process: Process | None = None,
     occluder: Sequence[Shape] = (),
+    appearance: Appearance | None = None,
+    sensors: Sequence[Sensor] = (),
+    visibility: Sequence[VisibilityTest] = VISIBILITY_TESTS,
 ) -> Evaluation:
     """Evaluate the PSS metric of one configuration (Eqs. 4–10).
 
@@ -100,127 +61,166 @@ def evaluate(
         points_m: m, points of interest, (N, 3).
         normals: unit outward normals of the surface at the points, (N, 3).
         noise: model of R_k, or its name.
-        process: model of A and Q; a random walk of 1 mm a frame if None.
+        process: model of A and Q, or one for each point; a random walk of 1 mm a frame if None.
         occluder: shapes that block lines of sight.
+        appearance: how the targets look, for a noise model that asks for it ("physical").
+        sensors: other modalities, whose measurements join the cameras' batch.
+        visibility: the tests that a point must pass to be seen by a camera.
 
     Raises:
         ShapeError, RangeError: wrong shapes, values or normals; a noise model's R that is not positive definite.
         RiccatiError: the process model has no steady state, however well its position is measured.
     """
+    return evaluate_many(
+        [cameras],
+        points_m,
+        normals,
+        noise=noise,
+        process=process,
+        occluder=occluder,
+        appearance=appearance,
+        sensors=sensors,
+        visibility=visibility,
+    )[0]
+
+
+def evaluate_many(
+    configurations: Sequence[Sequence[PTZCamera]],
+    points_m: ArrayLike,
+    normals: ArrayLike,
+    *,
+    noise: NoiseModel | str = "as-printed",
+    process: Process | None = None,
+    occluder: Sequence[Shape] = (),
+    appearance: Appearance | None = None,
+    sensors: Sequence[Sensor] = (),
+    visibility: Sequence[VisibilityTest] = VISIBILITY_TESTS,
+) -> Evaluations:
+    """Evaluate K configurations, lists of cameras, at the same points; cameras that several share are looked at once.
+
+    Arguments and errors are those of `evaluate`.
+    """
     points, unit_normals = as_points(points_m), as_points(normals, "normals")
-    if points.ndim != 2 or points.shape != unit_normals.shape:
-        raise ShapeError(f"points_m {points.shape} and normals {unit_normals.shape}; allowed are two alike, (N, 3)")
+    _check_points(points, unit_normals)
+    if appearance is not None:
+        appearance.check_length(len(points))
+    task = Task(
+        points,
+        unit_normals,
+        noise_model(noise) if isinstance(noise, str) else noise,
+        as_groups(DEFAULT_PROCESS if process is None else process, len(points)),
+        tuple(occluder),
+        appearance,
+        tuple(sensors),
+    )
+    # Two cameras alike in all but the name may still differ in the sensor that a noise model knows them by.
+    distinct = tuple({(c, c.name): c for cs in configurations for c in cs}.values())
+    number = {(camera, camera.name): index for index, camera in enumerate(distinct)}
+    members = tuple(np.array([number[c, c.name] for c in cs], dtype=np.intp) for cs in configurations)
+    visible, information = _measured(distinct, members, task, visibility)
+    of_sensors = _information_of_sensors(task)
+    if of_sensors is not None:
+        information += to_six(of_sensors[:, :3, :3])
+    # Beyond the position only other sensors know of the state, and that for every configuration alike.
+    beyond = of_sensors if of_sensors is not None and of_sensors.shape[-1] > 3 else None
+
+    smallest = _smallest_eigenvalues(information)
+    trace = information[:, 0] + information[:, 3] + information[:, 5]
+    observable = np.asarray(smallest > SMALLEST_INFORMATION_RATIO * trace)
+    sigma = position_sigma(task.processes, information, beyond, smallest, observable)
+    observable &= np.isfinite(sigma)  # a point too close to unobservable for Eq. 4 counts as what it is close to
+    with np.errstate(divide="ignore", invalid="ignore"):
+        frame_sigma = np.where(observable, 1 / np.sqrt(smallest), np.nan)
+    return Evaluations(task, distinct, members, visible, observable, information, beyond, sigma, frame_sigma)
+
+
+def _measured(
+    cameras: tuple[PTZCamera, ...],
+    members: tuple[Indices, ...],
+    task: Task,
+    tests: Sequence[VisibilityTest],
+) -> tuple[Bools, Floats]:
+    """Who sees what, (U, N), and the cameras' information in each configuration, (K, 6, N)."""
+    U, K, N = len(cameras), len(members), len(task.points_m)
+    visible, information = np.zeros((U, N), dtype=np.bool_), np.zeros((K, 6, N))
+    points_at_once = min(max(PAIRS_AT_ONCE // max(U, 1), SHORTEST_RUN), int(MOST_NUMBERS_KEPT / (6 * max(U, 1))))
+    points_at_once = max(1, min(N, points_at_once))
+    cameras_at_once = max(1, PAIRS_AT_ONCE // points_at_once)
+    parts = [slice(start, start + cameras_at_once) for start in range(0, U, cameras_at_once)]
+    blocks = [(rows, Cameras(cameras[rows])) for rows in parts]
+    everything = K == 1 and len(blocks) == 1
+    for start in range(0, N, points_at_once):
+        part = slice(start, start + points_at_once)
+        of_points = task.at(part)
+        kept = []
+        for rows, block in blocks:
+            visible[rows, part], six = _information(block, of_points, tests)
+            kept.append(six)
+        if everything:  # the one configuration has all cameras
+            information[0, :, part] = kept[0][members[0]].sum(axis=0)
+        elif U:
+            of_cameras = np.concatenate(kept)
+            for k, chosen in enumerate(members):
+                information[k, :, part] = of_cameras[chosen].sum(axis=0)
+    return visible, information
+
+
+def _information(cameras: Cameras, task: Task, tests: Sequence[VisibilityTest]) -> tuple[Bools, Floats]:
+    """Who sees what, (C, n), and HᵀR⁻¹H of each camera, (C, 6, n); with Eq. 5's batch, ĤᵀR̂⁻¹Ĥ is their sum."""
+    views = Views(cameras, task.points_m, task.normals, task.appearance)
+    visible = visible_in(views, task.occluder, tests)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # of points that are not seen
+        weight = task.noise.of_views(views).inverse(visible)
+    return visible, views.information(weight, visible)
+
+
+def _smallest_eigenvalues(information: Floats) -> Floats:
+    """1/m², of the matrices whose six entries are on the middle axis, (K, 6, N); shape (K, N)."""
+    K, _, N = information.shape
+    smallest = np.zeros((K, N))
+    k_at_once = max(1, PAIRS_AT_ONCE // N)
+    for k in range(0, K, k_at_once):
+        for n in range(0, N, PAIRS_AT_ONCE):
+            part = information[k : k + k_at_once, :, n : n + PAIRS_AT_ONCE]
+            measured = (part[:, 0] + part[:, 3] + part[:, 5]) > 0
+            entries = [part[:, entry][measured] for entry in range(6)]
+            few = len(entries[0]) < FEWEST_IN_CLOSED_FORM
+            found = np.linalg.eigvalsh(from_six(np.array(entries)))[:, 0] if few else smallest_eigenvalue_3x3(*entries)
+            smallest[k : k + k_at_once, n : n + PAIRS_AT_ONCE][measured] = found
+    return smallest
+
+
+def _information_of_sensors(task: Task) -> Floats | None:
+    """HᵀR⁻¹H of the other modalities, (N, 3, 3) or of the whole state (N, n, n); None without any."""
+    if not task.sensors:
+        return None
+    N, states = len(task.points_m), max(model.states for model, _ in task.processes)
+    total = np.zeros((N, states, states))
+    beyond = False
+    for sensor in task.sensors:
+        rows = np.flatnonzero(sensor.reaches(task.points_m, task.normals, task.occluder))
+        if len(rows) == 0:
+            continue
+        jacobian = np.asarray(sensor.jacobian(task.points_m[rows]), dtype=float)
+        known = jacobian.shape[-1]
+        if jacobian.ndim != 3 or len(jacobian) != len(rows) or known not in (3, states):
+            raise ShapeError(
+                f"sensor {sensor.name!r} has a Jacobian of shape {jacobian.shape}; "
+                f"allowed: ({len(rows)}, m, 3) or ({len(rows)}, m, {states})"
+            )
+        if known > 3 and len(task.processes) > 1:
+            raise ShapeError(f"sensor {sensor.name!r} measures the whole state; allowed: one process for all points")
+        beyond |= known > 3
+        total[rows, :known, :known] += measurement_information(jacobian, sensor.covariance(task.points_m[rows]))
+    return total if beyond else total[:, :3, :3]
+
+
+def _check_points(points: Floats, normals: Floats) -> None:
+    if points.ndim != 2 or points.shape != normals.shape:
+        raise ShapeError(f"points_m {points.shape} and normals {normals.shape}; allowed are two alike, (N, 3)")
     if len(points) == 0:
         raise ShapeError(f"points_m has shape {points.shape}; allowed is (N, 3) with at least one point")
-    lengths = np.linalg.norm(unit_normals, axis=-1)
+    lengths = np.sqrt(np.einsum("ni,ni->n", normals, normals))
     if (np.abs(lengths - 1) > NORMAL_LENGTH_TOLERANCE).any():
         worst = float(lengths[np.abs(lengths - 1).argmax()])
         raise RangeError(f"a normal has length {worst:.6g}; allowed is 1 ± {NORMAL_LENGTH_TOLERANCE:g}")
-    model = noise_model(noise) if isinstance(noise, str) else noise
-    process = RandomWalk() if process is None else process
-
-    visible = visible_points(cameras, points, unit_normals, occluder)
-    information = np.zeros((len(points), 3, 3))
-    for camera, seen in zip(cameras, visible, strict=True):
-        information[seen] += _information(camera, points[seen], unit_normals[seen], model)
-    observable = (visible.sum(axis=0) >= CAMERAS_TO_OBSERVE) & _well_conditioned(information)
-    prior = _steady_state(process, information[observable])
-    # A point too close to unobservable for Eq. 4 in double precision counts as what it is close to.
-    solved = np.isfinite(prior).all(axis=(-2, -1))
-    observable[observable] = solved
-    prior = prior[solved]
-    posterior = posterior_covariance(prior, _of_state(process, information[observable]))
-    single_frame = _fill(observable, np.linalg.inv(information[observable]))
-    return Evaluation(visible, observable, _fill(observable, prior), _fill(observable, posterior), single_frame)
-
-
-def _information(camera: PTZCamera, points_m: Floats, normals: Floats, model: NoiseModel) -> Floats:
-    """1/m², HᵀR⁻¹H of one camera, (N, 3, 3): with the batch of Eq. 5, Ĥᵀ R̂⁻¹ Ĥ is the sum of these."""
-    return measurement_information(camera.jacobian(points_m), model.covariance(camera, points_m, normals))
-
-
-def _well_conditioned(information: Floats) -> Bools:
-    eigenvalues = np.linalg.eigvalsh(information)
-    return np.asarray(eigenvalues[:, 0] > SMALLEST_INFORMATION_RATIO * eigenvalues[:, -1])
-
-
-def _steady_state(process: ProcessModel, information: Floats) -> Floats:
-    """P∞ (V, n, n) of points with positions' `information` (V, 3, 3); nan where it defeats Eq. 4.
-
-    Raises:
-        RiccatiError: the process is at fault: it has no steady state even where all directions are measured alike.
-    """
-    A, Q = process.A, process.Q
-    prior = steady_state_covariance_from_information(A, Q, _of_state(process, information), unsolvable="nan")
-    if np.isnan(prior).any():
-        alike = np.trace(information, axis1=-2, axis2=-1)[:, None, None] / 3 * np.eye(3)
-        steady_state_covariance_from_information(A, Q, _of_state(process, alike))
-    return prior
-
-
-def _of_state(process: ProcessModel, information: Floats) -> Floats:
-    """Information on positions, (V, 3, 3), as information on the whole state, (V, n, n)."""
-    whole = np.zeros((len(information), process.states, process.states))
-    whole[:, :3, :3] = information
-    return whole
-
-
-def _fill(observable: Bools, values: Floats) -> Floats:
-    """`values` of the observable points, (V, n, n), among nan for the others, (N, n, n)."""
-    filled = np.full((len(observable), *values.shape[1:]), np.nan)
-    filled[observable] = values
-    return filled
-
-
-def largest_standard_deviation(covariance: Floats) -> Floats:
-    """√λmax of (..., n, n) covariances (Eq. 9), nan where they are; shape (...)."""
-    known = np.asarray(np.isfinite(covariance).all(axis=(-2, -1)))
-    eigenvalues = np.linalg.eigvalsh(np.where(known[..., None, None], covariance, 0.0))[..., -1]
-    return np.where(known, np.sqrt(np.maximum(eigenvalues, 0.0)), np.nan)
-
-
-def root_trace(covariance: Floats) -> Floats:
-    """√tr of (..., n, n) covariances, nan where they are; shape (...)."""
-    return np.asarray(np.sqrt(np.trace(covariance, axis1=-2, axis2=-1)))
-
-
-def mean_inverse_sigma(sigma_m: Floats) -> float:
-    """1/m, Eq. 10: Σ 1/σ over the observable points, divided by the number of all points, (N,); nan adds zero."""
-    return float(np.nansum(1 / sigma_m) / len(sigma_m))
-
-
-@dataclass(frozen=True)
-class Metric:
-    """A number for a configuration.
-
-    Attributes:
-        score: from the configuration's evaluation to the number.
-        higher_is_better: the direction in which configurations get better.
-        reference: where the formula comes from.
-    """
-
-    name: str
-    score: Callable[[Evaluation], float]
-    higher_is_better: bool
-    reference: str
-
-
-def _visible_share(evaluation: Evaluation) -> float:
-    return float((evaluation.visible.sum(axis=0) >= CAMERAS_TO_OBSERVE).mean())
-
-
-def _worst_sigma(evaluation: Evaluation) -> float:
-    """m, the ∞-norm of section 3.3 over the observable points; ∞ where none is."""
-    sigma = evaluation.sigma_m[evaluation.observable]
-    return float(sigma.max()) if len(sigma) else np.inf
-
-
-METRICS: dict[str, Metric] = {
-    metric.name: metric
-    for metric in (
-        Metric("pss", lambda evaluation: evaluation.pss, True, "Eq. 10"),
-        Metric("pss-single-frame", lambda evaluation: evaluation.pss_single_frame, True, "Eq. 10 with C for P∞"),
-        Metric("worst-sigma", _worst_sigma, False, "Eq. 9, ∞-norm of section 3.3"),
-        Metric("visible-share", _visible_share, True, "share of the points that two cameras or more see"),
-    )
-}

@@ -1,8 +1,8 @@
 """How a point moves from one frame to the next: the process models of Eq. 2.
 
-Every model is a transition matrix A and a process noise covariance Q for one time step. The states are ordered by
-derivative, then by axis: position x, y, z (m), velocity x, y, z (m/s), acceleration x, y, z (m/s²). The axes are
-independent and alike, so each matrix is the Kronecker product of a small one with the 3 × 3 identity.
+Every model is a transition matrix A and a process noise covariance Q for one time step; the state begins with position
+x, y, z (m). In the three motion models velocity x, y, z (m/s) and acceleration x, y, z (m/s²) follow, and the axes are
+independent and alike: each matrix is the Kronecker product of a small one with the 3 × 3 identity.
 """
 
 from __future__ import annotations
@@ -10,14 +10,20 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pss.errors import RangeError
 
-__all__ = ["ConstantAcceleration", "ConstantVelocity", "ProcessModel", "RandomWalk"]
+__all__ = [
+    "ConstantAcceleration",
+    "ConstantVelocity",
+    "ProcessModel",
+    "RandomWalk",
+    "require_positive",
+]
 
 Floats = NDArray[np.float64]
 
@@ -29,12 +35,12 @@ class ProcessModel(Protocol):
 
     @property
     def A(self) -> Floats:
-        """State transition matrix over one time step, (n, n)."""
+        """State transition matrix over one time step, (n, n), or one for each point, (N, n, n)."""
         ...
 
     @property
     def Q(self) -> Floats:
-        """Covariance of the process noise gathered over one time step, (n, n)."""
+        """Covariance of the process noise gathered over one time step, (n, n) or (N, n, n)."""
         ...
 
     @property
@@ -43,36 +49,53 @@ class ProcessModel(Protocol):
         ...
 
 
+class _AlikeAxes:
+    """Three independent axes with a chain of ``order`` integrators each, the last of which integrates white noise.
+
+    Attributes:
+        time_step_s: s between two frames, > 0
+
+    Raises:
+        RangeError: the noise or the time step is not a finite positive number
+    """
+
+    order: ClassVar[int]
+    noise: ClassVar[tuple[str, str]]  # name and unit
+    time_step_s: float
+
+    def __post_init__(self) -> None:
+        for name, unit in (self.noise, ("time_step_s", "s")):
+            require_positive(name, getattr(self, name), unit)
+
+    @property
+    def states(self) -> int:
+        """Number of states: 3 for each integrator."""
+        return AXES * self.order
+
+    @cached_property
+    def A(self) -> Floats:
+        """State transition matrix over one time step, (n, n)."""
+        return _for_each_axis(_taylor_transition(self.order, self.time_step_s))
+
+    @cached_property
+    def Q(self) -> Floats:
+        """Covariance gathered over one time step, (n, n); m² for positions."""
+        return _for_each_axis(_integrated_white_noise(self.order, getattr(self, self.noise[0]), self.time_step_s))
+
+
 @dataclass(frozen=True)
-class RandomWalk:
+class RandomWalk(_AlikeAxes):
     """A point that takes an independent Gaussian step in every frame; three states, A = I and Q = step_std_m² · I.
 
     The intensity belongs to a time step, not to a second: changing ``time_step_s`` alone leaves Q as it is.
 
     Attributes:
         step_std_m: m standard deviation of the step along each axis between two frames, > 0
-        time_step_s: s between two frames, > 0
-
-    Raises:
-        RangeError: a value is not a finite positive number
     """
 
+    order, noise = 1, ("step_std_m", "m")
     step_std_m: float = 1e-3
     time_step_s: float = 1 / 30
-
-    def __post_init__(self) -> None:
-        _require_positive("step_std_m", self.step_std_m, "m")
-        _require_positive("time_step_s", self.time_step_s, "s")
-
-    @property
-    def states(self) -> int:
-        """Number of states: 3."""
-        return AXES
-
-    @cached_property
-    def A(self) -> Floats:
-        """State transition matrix over one time step, (3, 3)."""
-        return _for_each_axis([[1.0]])
 
     @cached_property
     def Q(self) -> Floats:
@@ -81,75 +104,31 @@ class RandomWalk:
 
 
 @dataclass(frozen=True)
-class ConstantVelocity:
+class ConstantVelocity(_AlikeAxes):
     """A point whose acceleration is white noise; six states.
 
     Attributes:
         acceleration_density_m2_s3: m²/s³ spectral density of the white acceleration along each axis, > 0: after a
             time t the velocity has gathered a variance of density · t
-        time_step_s: s between two frames, > 0
-
-    Raises:
-        RangeError: a value is not a finite positive number
     """
 
+    order, noise = 2, ("acceleration_density_m2_s3", "m²/s³")
     acceleration_density_m2_s3: float
     time_step_s: float = 1 / 30
 
-    def __post_init__(self) -> None:
-        _require_positive("acceleration_density_m2_s3", self.acceleration_density_m2_s3, "m²/s³")
-        _require_positive("time_step_s", self.time_step_s, "s")
-
-    @property
-    def states(self) -> int:
-        """Number of states: 6."""
-        return 2 * AXES
-
-    @cached_property
-    def A(self) -> Floats:
-        """State transition matrix over one time step, (6, 6)."""
-        return _for_each_axis(_taylor_transition(2, self.time_step_s))
-
-    @cached_property
-    def Q(self) -> Floats:
-        """m², m²/s and m²/s² covariance gathered over one time step, (6, 6)."""
-        return _for_each_axis(_integrated_white_noise(2, self.acceleration_density_m2_s3, self.time_step_s))
-
 
 @dataclass(frozen=True)
-class ConstantAcceleration:
+class ConstantAcceleration(_AlikeAxes):
     """A point whose jerk is white noise; nine states.
 
     Attributes:
         jerk_density_m2_s5: m²/s⁵ spectral density of the white jerk along each axis, > 0: after a time t the
             acceleration has gathered a variance of density · t
-        time_step_s: s between two frames, > 0
-
-    Raises:
-        RangeError: a value is not a finite positive number
     """
 
+    order, noise = 3, ("jerk_density_m2_s5", "m²/s⁵")
     jerk_density_m2_s5: float
     time_step_s: float = 1 / 30
-
-    def __post_init__(self) -> None:
-        _require_positive("jerk_density_m2_s5", self.jerk_density_m2_s5, "m²/s⁵")
-        _require_positive("time_step_s", self.time_step_s, "s")
-
-    @property
-    def states(self) -> int:
-        """Number of states: 9."""
-        return 3 * AXES
-
-    @cached_property
-    def A(self) -> Floats:
-        """State transition matrix over one time step, (9, 9)."""
-        return _for_each_axis(_taylor_transition(3, self.time_step_s))
-
-    @cached_property
-    def Q(self) -> Floats:
-        """m² to m²/s⁴ covariance gathered over one time step, (9, 9)."""
-        return _for_each_axis(_integrated_white_noise(3, self.jerk_density_m2_s5, self.time_step_s))
 
 
 def _taylor_transition(order: int, time_step_s: float) -> list[list[float]]:
@@ -179,7 +158,8 @@ def _for_each_axis(per_axis: list[list[float]]) -> Floats:
     return matrix
 
 
-def _require_positive(name: str, value: float, unit: str) -> None:
+def require_positive(name: str, value: float, unit: str) -> None:
+    """Raise `RangeError` unless `value` is a finite number above 0."""
     is_number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
     if not is_number or not math.isfinite(value) or value <= 0:
         raise RangeError(f"{name} = {value!r}; allowed: a finite number > 0 in {unit}")

@@ -4,7 +4,7 @@ Eq. 4 needs the measurements only through their information J = HᵀR⁻¹H, whi
 reads P = A P⁺ Aᵀ + Q with P⁺ = (P⁻¹ + J)⁻¹. All arrays have leading batch axes that broadcast against each other.
 
 This is the door: it checks the arguments, chooses the method and judges the result. The methods themselves are in
-`pss.riccati_methods`.
+`pss.riccati_methods`, and in `pss.riccati_axes` where the three axes move alike.
 """
 
 from __future__ import annotations
@@ -14,9 +14,10 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pss import riccati_methods
+from pss import riccati_axes, riccati_methods
 from pss.errors import RangeError, RiccatiError, ShapeError
-from pss.riccati_methods import RANK_TOLERANCE, BoolArray, Floats, transpose
+from pss.observability import eigen_3x3
+from pss.riccati_methods import RANK_TOLERANCE, REFUSE_ABOVE, Failures, Floats, transpose
 
 __all__ = [
     "measurement_information",
@@ -26,14 +27,11 @@ __all__ = [
     "steady_state_covariance_from_information",
 ]
 
-Method = Literal["auto", "eigenstructure", "doubling", "scipy"]
+Method = Literal["auto", "axes", "eigenstructure", "doubling", "scipy"]
 Unsolvable = Literal["raise", "nan"]
 
 # A matrix further from symmetric than this (relative to its largest entry) is a mistake, not rounding.
 SYMMETRY_TOLERANCE = 1e-9
-# Relative error of P, as estimated from the residual, above which the result of any method is refused.
-REFUSE_ABOVE = 1e-6
-INDICES_SHOWN = 5
 
 
 def steady_state_covariance(
@@ -53,8 +51,10 @@ def steady_state_covariance(
         H: measurement Jacobian, stacked over the cameras (Eq. 5), (..., m, n)
         R: measurement noise covariance, block-diagonal over the cameras (Eq. 5), (..., m, m), positive definite
         method: ``eigenstructure`` (MacFarlane–Potter–Fath, Eqs. 6–8; A must be invertible), ``doubling`` (structure-
-            preserving doubling; (A, Q) must be stabilisable), ``scipy`` (a loop over ``solve_discrete_are``) or
-            ``auto``: the closed form where A = I and Q = qI, else doubling, which is the fastest and takes a singular A
+            preserving doubling; (A, Q) must be stabilisable), ``scipy`` (a loop over ``solve_discrete_are``), ``axes``
+            (A = A₀ ⊗ I₃ and Q = Q₀ ⊗ I₃ without batch axes, positions measured alone: `pss.riccati_axes`) or ``auto``:
+            the fastest that is safe, which is ``axes`` or another closed form where A = I and Q = qI, else ``axes``
+            where it may, else ``doubling``. All but ``eigenstructure`` take a singular A
         unsolvable: ``raise``, or ``nan`` to fill the systems without a solution with nan
 
     Returns:
@@ -125,8 +125,8 @@ def posterior_covariance(P: ArrayLike, J: ArrayLike) -> Floats:
     prior = _square("P", _array("P", P))
     information = _square("J", _array("J", J), prior.shape[-1])
     _batch_shape(P=prior, J=information)
-    _require_semidefinite("P", prior)
-    _require_semidefinite("J", information)
+    require_semidefinite("P", prior)
+    require_semidefinite("J", information)
     return riccati_methods.posterior(prior, information)
 
 
@@ -144,8 +144,8 @@ def riccati_residual(A: ArrayLike, Q: ArrayLike, J: ArrayLike, P: ArrayLike) -> 
         _square(name, _array(name, value), states) for name, value in (("A", A), ("Q", Q), ("J", J))
     )
     _batch_shape(A=transition, Q=noise, J=information, P=prior)
-    _require_semidefinite("P", prior)
-    _require_semidefinite("J", information)
+    require_semidefinite("P", prior)
+    require_semidefinite("J", information)
     return riccati_methods.residuals(transition, noise, information, prior)[0]
 
 
@@ -164,52 +164,81 @@ def _solve(
     _square("Q", Q, states)
     _square("J", J, states)
     batch = _batch_shape(A=A, Q=Q, J=J)
-    _require_semidefinite("Q", Q)
+    require_semidefinite("Q", Q)
 
-    step_variance = Q[..., 0, 0]
-    identity = np.eye(states)
-    if method == "auto" and not np.any(A - identity) and not np.any(Q - step_variance[..., None, None] * identity):
-        _require_symmetric("J", J)
-        information, axes = np.linalg.eigh(J)
-        _refuse_negative("J", information)
-        P, failures = riccati_methods.random_walk(step_variance, information, axes)
-        P = np.broadcast_to(P, batch + (states, states)).copy()
+    blocks = riccati_axes.axis_blocks(A, Q, J) if method in ("auto", "axes") else None
+    if method == "axes" and blocks is None:
+        raise RangeError(
+            f"method = 'axes' with A {A.shape}, Q {Q.shape}, J {J.shape}; allowed: A = A₀ ⊗ I₃ and Q = Q₀ ⊗ I₃ without "
+            "batch axes, with one to three states an axis, and J of positions alone"
+        )
+    if blocks is not None:
+        P, failures, error = _by_axis(*blocks, J)
+    elif method == "auto" and _walks(A, Q):
+        P, failures, error = _by_closed_form(Q[..., 0, 0], J)
     else:
-        _require_semidefinite("J", J)
-        undetectable = riccati_methods.undetectable(A, J)
-        flat = tuple(np.broadcast_to(x, batch + x.shape[-2:]).reshape(-1, states, states) for x in (A, Q, J))
-        if method == "scipy":
-            if measurement is None:
-                # whitened measurements with J as their information
-                measurement = riccati_methods.symmetric_root(J), identity
-            H, R = (np.broadcast_to(x, batch + x.shape[-2:]).reshape(-1, *x.shape[-2:]) for x in measurement)
-            P, failures = riccati_methods.scipy_loop(flat[0], flat[1], H, R)
-        else:
-            solver = riccati_methods.eigenstructure if method == "eigenstructure" else riccati_methods.doubling
-            P, failures = solver(*flat)
-        P = P.reshape(batch + (states, states))
-        failures = {"not detectable": undetectable} | {reason: mask.reshape(batch) for reason, mask in failures.items()}
-        # Written so that nan counts as refused.
-        refused = ~(riccati_methods.residuals(A, Q, J, P)[1] <= REFUSE_ABOVE)
-        failures[f"the residual of Eq. 4 allows a relative error above {REFUSE_ABOVE:g}"] = refused
-
+        P, failures, error = _by_matrix(A, Q, J, method, measurement)
+    P = np.broadcast_to(P, batch + (states, states))
+    P = P if P.flags.writeable else P.copy()
     failed = np.broadcast_to(np.logical_or.reduce(np.broadcast_arrays(*failures.values())), batch)
     if failed.any():
         if unsolvable == "raise":
-            raise RiccatiError(_failure_message(failed, failures))
+            raise RiccatiError(riccati_methods.failure_message(failed, failures, error))
         P[failed] = np.nan
     return P
 
 
-def _failure_message(failed: BoolArray, failures: dict[str, BoolArray]) -> str:
-    """Name the first failing systems, each with the first reason that applies."""
-    lines = []
-    for index in np.argwhere(failed)[:INDICES_SHOWN]:
-        at = tuple(int(i) for i in index)
-        reason = next(reason for reason, mask in failures.items() if np.broadcast_to(mask, failed.shape)[at])
-        lines.append(f"batch index {at}: {reason}" if at else reason)
-    rest = "; …" if failed.sum() > INDICES_SHOWN else ""
-    return f"no steady state for {failed.sum()} of {failed.size} systems: " + "; ".join(lines) + rest
+def _walks(A: Floats, Q: Floats) -> bool:
+    """Whether A = I and Q = qI for all systems."""
+    identity = np.eye(A.shape[-1])
+    return not np.any(A - identity) and not np.any(Q - Q[..., :1, :1] * identity)
+
+
+def _by_axis(A0: Floats, Q0: Floats, J: Floats) -> tuple[Floats, Failures, Floats]:
+    """P, failures and the error of P, for J (..., n, n) of positions alone."""
+    batch, states = J.shape[:-2], J.shape[-1]
+    positions = J[..., :3, :3].reshape(-1, 3, 3)
+    _require_symmetric("J", positions)
+    information, axes = eigen_3x3(*(positions[:, i, k] for i in range(3) for k in range(i, 3)))
+    _refuse_negative("J", np.stack([information.min(axis=0), information.max(axis=0)], axis=-1))
+    P, failures, error = riccati_axes.three_axes(A0, Q0, information, axes)
+    failures = {reason: mask.reshape(batch) for reason, mask in failures.items()}
+    return P.reshape(*batch, states, states), failures, error.reshape(batch)
+
+
+def _by_closed_form(step_variance: Floats, J: Floats) -> tuple[Floats, Failures, Floats]:
+    """The same for A = I and Q = qI of any size."""
+    _require_symmetric("J", J)
+    information, axes = np.linalg.eigh(J)
+    _refuse_negative("J", information)
+    return *riccati_methods.random_walk(step_variance, information, axes), np.zeros(())
+
+
+def _by_matrix(
+    A: Floats, Q: Floats, J: Floats, method: Method, measurement: tuple[Floats, Floats] | None
+) -> tuple[Floats, Failures, Floats]:
+    """The same by one of the methods on whole matrices."""
+    require_semidefinite("J", J)
+    batch, states = _batch_shape(A=A, Q=Q, J=J), A.shape[-1]
+    undetectable = riccati_methods.undetectable(A, J)
+    flat_A, flat_Q, flat_J = (np.broadcast_to(x, batch + x.shape[-2:]).reshape(-1, states, states) for x in (A, Q, J))
+    if method == "scipy":
+        if measurement is None:
+            # whitened measurements with J as their information
+            measurement = riccati_methods.symmetric_root(J), np.eye(states)
+        H, R = (np.broadcast_to(x, batch + x.shape[-2:]).reshape(-1, *x.shape[-2:]) for x in measurement)
+        P, failures = riccati_methods.scipy_loop(flat_A, flat_Q, H, R)
+    else:
+        solver = riccati_methods.eigenstructure if method == "eigenstructure" else riccati_methods.doubling
+        P, failures = solver(flat_A, flat_Q, flat_J)
+    if method in ("eigenstructure", "scipy"):
+        P, error = riccati_methods.refined(flat_A, flat_Q, flat_J, P)
+    else:
+        error = riccati_methods.residuals(A, Q, J, P.reshape(batch + (states, states)))[1]
+    P, error = P.reshape(batch + (states, states)), error.reshape(batch)
+    failures = {"not detectable": undetectable} | {reason: mask.reshape(batch) for reason, mask in failures.items()}
+    # Written so that nan counts as refused.
+    return P, failures | {riccati_methods.REFUSED: ~(error <= REFUSE_ABOVE)}, error
 
 
 def _array(name: str, value: ArrayLike) -> Floats:
@@ -243,7 +272,12 @@ def _require_symmetric(name: str, M: Floats) -> None:
         raise RangeError(f"{name} differs from its transpose by {asymmetry.max():.3g}; allowed: symmetric matrices")
 
 
-def _require_semidefinite(name: str, M: Floats) -> None:
+def require_semidefinite(name: str, M: Floats) -> None:
+    """Refuse matrices (..., n, n) that are not symmetric positive semidefinite but for rounding.
+
+    Raises:
+        RangeError: with the asymmetry, or the negative eigenvalue
+    """
     _require_symmetric(name, M)
     _refuse_negative(name, np.asarray(np.linalg.eigvalsh(M), dtype=np.float64))
 

@@ -12,14 +12,22 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from pss.observability import RANK_TOLERANCE, undetectable
+
 __all__ = [
+    "EPS",
     "RANK_TOLERANCE",
+    "REFUSED",
+    "REFUSE_ABOVE",
     "BoolArray",
+    "Failures",
     "Floats",
     "doubling",
     "eigenstructure",
+    "failure_message",
     "posterior",
     "random_walk",
+    "refined",
     "residuals",
     "scipy_loop",
     "symmetric_root",
@@ -29,28 +37,29 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+# For each reason to fail, which systems of the batch it hit.
+Failures = dict[str, BoolArray]
 
-# An eigenvalue this far below the largest is rounding noise in a matrix that was summed up in double precision: two
-# cameras in line with the point leave about 10 eps where exact arithmetic leaves zero.
-RANK_TOLERANCE = 64 * float(np.finfo(np.float64).eps)
-# Singular values of A − λI below this span the eigenspace of λ. The next ones are about the time step in seconds.
-NULL_TOLERANCE = 1e-9
-# Rounding splits a triple eigenvalue 1 (constant acceleration) by about eps^(1/3) = 6e-6 into the unit circle.
-MARGINAL_MODULUS = 1 - 3e-5
+EPS = float(np.finfo(np.float64).eps)
 # Once F^(2^k) is this small, the next increment of P, quadratic in it, is below eps.
 POWER_TOLERANCE = 1e-8
 # Eigenvalues of Ψ this close to the unit circle cannot be told to be inside or outside.
 UNIT_CIRCLE_WIDTH = 1e-12
 # 2^60 frames: convergence that needs more has a time constant beyond what double precision can tell from infinity.
 MAX_DOUBLINGS = 60
-# Relative error of P, as estimated from the residual, at which the eigenstructure result is refined.
+NO_CONVERGENCE = "no convergence: a mode that does not decay is not excited, or hardly measured"
+# Relative error of P, as estimated from the residual, at which the result of a method is refined.
 REFINE_ABOVE = 1e-13
 MAX_NEWTON_STEPS = 3
+# Relative error of P, as estimated from the residual, above which the result of any method is refused.
+REFUSE_ABOVE = 1e-6
+REFUSED = f"the residual of Eq. 4 allows a relative error above {REFUSE_ABOVE:g}"
+INDICES_SHOWN = 5
 # An iteration that got here has diverged; the square still fits double precision.
 DIVERGED = 1e100
 
 
-def random_walk(q: Floats, information: Floats, axes: Floats) -> tuple[Floats, dict[str, BoolArray]]:
+def random_walk(q: Floats, information: Floats, axes: Floats) -> tuple[Floats, Failures]:
     """Closed form for A = I and Q = qI: Eq. 4 becomes P² = q(P + J⁻¹), one quadratic for each eigenvector of J.
 
     Args:
@@ -67,7 +76,7 @@ def random_walk(q: Floats, information: Floats, axes: Floats) -> tuple[Floats, d
     return P, {"not detectable": not_detectable, "a mode that does not decay is not excited": q <= 0}
 
 
-def eigenstructure(A: Floats, Q: Floats, J: Floats) -> tuple[Floats, dict[str, BoolArray]]:
+def eigenstructure(A: Floats, Q: Floats, J: Floats) -> tuple[Floats, Failures]:
     """MacFarlane–Potter–Fath, flat batch (N, n, n). LAPACK balances Ψ itself, so no scaling is needed here."""
     n = A.shape[-1]
     singular_values = np.linalg.svd(A, compute_uv=False)
@@ -84,23 +93,31 @@ def eigenstructure(A: Floats, Q: Floats, J: Floats) -> tuple[Floats, dict[str, B
     on_circle = np.abs(np.take_along_axis(values, outside[:, -1:], axis=-1))[:, 0] <= 1 + UNIT_CIRCLE_WIDTH
     B, C = chosen[:, :n], chosen[:, n:]
     P = _symmetric(np.real(transpose(_solve_or_nan(transpose(C), transpose(B)))))  # Eq. 8
-    # A slow filter has pairs λ, 1/λ close to the unit circle, which mix: where it forgets over 10⁶ frames Eq. 8 keeps
-    # no more than six digits. Newton's method brings them back.
-    error = residuals(A, Q, J, P)[1]
-    for _ in range(MAX_NEWTON_STEPS):
-        rough = np.flatnonzero(error > REFINE_ABOVE)
-        if rough.size == 0:
-            break
-        refined = _newton_step(A[rough], Q[rough], J[rough], P[rough])
-        refined_error = residuals(A[rough], Q[rough], J[rough], refined)[1]
-        better = refined_error < error[rough]
-        P[rough[better]], error[rough[better]] = refined[better], refined_error[better]
-        if not better.any():
-            break
     return P, {
         "A is singular, which this method cannot take (doubling can)": singular,
         "an eigenvalue lies on the unit circle: a mode that does not decay is not excited": on_circle,
     }
+
+
+def refined(A: Floats, Q: Floats, J: Floats, P: Floats) -> tuple[Floats, Floats]:
+    """P (N, n, n) after Newton steps where they lessen its error, and the relative error that its residual allows (N,).
+
+    A slow filter has pairs λ, 1/λ close to the unit circle, which mix: where it forgets over 10⁶ frames, eigenvectors
+    and SciPy's Schur vectors keep no more than six digits. Newton's method brings them back.
+    """
+    residual, error = residuals(A, Q, J, P)
+    for _ in range(MAX_NEWTON_STEPS):
+        rough = np.flatnonzero((error > REFINE_ABOVE) & (residual > EPS))
+        if rough.size == 0:
+            break
+        better_P = _newton_step(A[rough], Q[rough], J[rough], P[rough])
+        better_residual, better_error = residuals(A[rough], Q[rough], J[rough], better_P)
+        better = better_error < error[rough]
+        changed = rough[better]
+        P[changed], residual[changed], error[changed] = better_P[better], better_residual[better], better_error[better]
+        if not better.any():
+            break
+    return P, error
 
 
 def _newton_step(A: Floats, Q: Floats, J: Floats, P: Floats) -> Floats:
@@ -117,7 +134,7 @@ def _newton_step(A: Floats, Q: Floats, J: Floats, P: Floats) -> Floats:
     return _symmetric(X)
 
 
-def doubling(A: Floats, Q: Floats, J: Floats) -> tuple[Floats, dict[str, BoolArray]]:
+def doubling(A: Floats, Q: Floats, J: Floats) -> tuple[Floats, Failures]:
     """Structure-preserving doubling, flat batch (N, n, n): step k holds the filter's covariance after 2^k frames.
 
     Chu, Fan, Lin, Wang, "Structure-preserving algorithms for periodic discrete-time algebraic Riccati equations",
@@ -140,11 +157,11 @@ def doubling(A: Floats, Q: Floats, J: Floats) -> tuple[Floats, dict[str, BoolArr
     failed = np.zeros(A.shape[0], dtype=np.bool_)
     failed[active] = True
     failed |= ~np.isfinite(P).all(axis=(-2, -1))
-    return P, {"no convergence: a mode that does not decay is not excited, or hardly measured": failed}
+    return P, {NO_CONVERGENCE: failed}
 
 
-def scipy_loop(A: Floats, Q: Floats, H: Floats, R: Floats) -> tuple[Floats, dict[str, BoolArray]]:
-    """SciPy solves the control problem; the filter is its dual, with A and H transposed."""
+def scipy_loop(A: Floats, Q: Floats, H: Floats, R: Floats) -> tuple[Floats, Failures]:
+    """SciPy solves the control problem; the filter is its dual, A and H transposed. P is (N, n, n)."""
     P = np.full_like(Q, np.nan)
     failed = np.zeros(A.shape[0], dtype=np.bool_)
     for i in range(A.shape[0]):
@@ -160,31 +177,6 @@ def scipy_loop(A: Floats, Q: Floats, H: Floats, R: Floats) -> tuple[Floats, dict
     return _symmetric(P), {"SciPy finds no stabilising solution": failed}
 
 
-def undetectable(A: Floats, J: Floats) -> BoolArray:
-    """Whether a mode of A that does not decay goes unmeasured, (...,): the Popov–Belevitch–Hautus test.
-
-    J is looked at on each eigenspace of A by itself, which compares like units: for the motion models that is J's
-    position block, and the answer is that of the closed form.
-    """
-    n = A.shape[-1]
-    eigenvalues = np.linalg.eigvals(A)
-    if A.ndim == 2:
-        eigenvalues = eigenvalues[np.unique(np.round(eigenvalues, 4), return_index=True)[1]]  # each eigenspace once
-    if np.isrealobj(eigenvalues) or not eigenvalues.imag.any():
-        eigenvalues = np.asarray(eigenvalues.real)
-    _, singular_values, right = np.linalg.svd(A[..., None, :, :] - eigenvalues[..., None, None] * np.eye(n))
-    norm = np.maximum(1.0, np.linalg.norm(A, axis=(-2, -1)))[..., None, None]
-    lasting = (np.abs(eigenvalues) > MARGINAL_MODULUS)[..., None] & (singular_values <= NULL_TOLERANCE * norm)
-    basis = np.conj(right) * lasting[..., None]  # rows, the others zero
-    J = J[..., None, :, :]
-    measured = basis @ J @ np.conj(transpose(basis))
-    # What the information would be if nothing in it cancelled.
-    scale = np.einsum("...ij,...jj->...", np.abs(basis) ** 2, J)[..., None, None]
-    padding = np.eye(n) * ~lasting[..., None]
-    weakest = np.linalg.eigvalsh(measured / np.where(scale > 0, scale, 1.0) + padding)[..., 0]
-    return np.asarray((weakest <= RANK_TOLERANCE).any(axis=-1))
-
-
 def posterior(P: Floats, J: Floats) -> Floats:
     """P⁺ = L (I + Lᵀ J L)⁻¹ Lᵀ with P = L Lᵀ: the inverted matrix has no eigenvalue below one."""
     root: Floats
@@ -197,7 +189,7 @@ def posterior(P: Floats, J: Floats) -> Floats:
 
 
 def symmetric_root(M: Floats) -> Floats:
-    """A matrix S with SᵀS = M for a semidefinite M, found at unit diagonal so that units don't drown small states."""
+    """A matrix S (..., n, n), SᵀS = M, of a semidefinite M; at unit diagonal, so that units drown no small state."""
     deviations = _deviations(M)
     eigenvalues, axes = np.linalg.eigh(M / (deviations[..., :, None] * deviations[..., None, :]))
     root = np.sqrt(np.maximum(eigenvalues, 0.0))[..., :, None] * np.swapaxes(axes, -1, -2) * deviations[..., None, :]
@@ -208,7 +200,8 @@ def residuals(A: Floats, Q: Floats, J: Floats, P: Floats) -> tuple[Floats, Float
     """Relative residual of Eq. 4, (...,), and the relative error of P that it allows, (...,).
 
     A residual of ε times the noise W that enters with each frame moves P = Σ Fᵏ W Fᵀᵏ by ε relatively. W is small
-    beside P if the filter is slow, and then a small residual alone proves little.
+    beside P if the filter is slow, and then a small residual alone proves little: below a rounding of P it may be
+    zero by chance, and counts as that rounding.
     """
     finite = np.asarray((np.abs(P) < DIVERGED).all(axis=(-2, -1)))  # false for nan
     P = np.where(finite[..., None, None], P, np.eye(P.shape[-1]))
@@ -219,8 +212,24 @@ def residuals(A: Floats, Q: Floats, J: Floats, P: Floats) -> tuple[Floats, Float
     units = deviations[..., :, None] * deviations[..., None, :]
     off, whole, fresh = (np.linalg.norm(M / units, axis=(-2, -1)) for M in (difference, P, entering))
     # P = 0 has the residual 0 if Q = 0, and only then.
-    residual, error = (np.where(off > 0, off / np.where(M > 0, M, off + 1e-300), 0.0) for M in (whole, fresh))
+    least = np.maximum(off, EPS * whole)
+    residual, error = (
+        np.where(x > 0, x / np.where(M > 0, M, x + 1e-300), 0.0) for x, M in ((off, whole), (least, fresh))
+    )
     return np.where(finite, residual, np.nan), np.where(finite, error, np.nan)
+
+
+def failure_message(failed: BoolArray, failures: Failures, error: Floats) -> str:
+    """Name the first failing systems, each with the first reason that applies and, if that is it, the error of P."""
+    lines = []
+    for index in np.argwhere(failed)[:INDICES_SHOWN]:
+        at = tuple(int(i) for i in index)
+        reason = next(reason for reason, mask in failures.items() if np.broadcast_to(mask, failed.shape)[at])
+        if reason == REFUSED:
+            reason += f", {np.broadcast_to(error, failed.shape)[at]:.1e}"
+        lines.append(f"batch index {at}: {reason}" if at else reason)
+    rest = "; …" if failed.sum() > INDICES_SHOWN else ""
+    return f"no steady state for {failed.sum()} of {failed.size} systems: " + "; ".join(lines) + rest
 
 
 def _size_in_units_of(P: Floats, F: Floats) -> Floats:
@@ -253,6 +262,7 @@ def _one_solution_or_nan(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
 
 
 def transpose(M: Floats) -> Floats:
+    """Mᵀ of each matrix, (..., n, m)."""
     return np.swapaxes(M, -1, -2)
 
 

@@ -1,16 +1,24 @@
-"""Which camera sees which point: the field of view, the point's own surface, and what stands in between."""
+"""Which camera sees which point: field of view, the point's own surface, what stands in between (section 4.1).
+
+Each test is a small unit that can be left out, tightened, or joined by a user's own.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pss.camera import PTZCamera
+from pss.errors import RangeError
 from pss.surrogates import Shape, any_blocks
+from pss.views import Views
 
-__all__ = ["visible_points"]
+__all__ = ["VISIBILITY_TESTS", "FieldOfView", "Occlusion", "SelfOcclusion", "VisibilityTest", "visible_points"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -19,8 +27,94 @@ Bools = NDArray[np.bool_]
 CLEARANCE_M = 1e-4
 
 
+class VisibilityTest(Protocol):
+    """One reason for a camera not to see a point. A user's own is any object with these two members."""
+
+    @property
+    def name(self) -> str:
+        """How the test is listed."""
+        ...
+
+    def passed(self, views: Views, candidates: Bools, occluder: Sequence[Shape]) -> Bools:
+        """Where the point stays visible, (C, N); only `candidates` (C, N) need an answer."""
+        ...
+
+
+@dataclass(frozen=True)
+class FieldOfView:
+    """The point projects onto the sensor's area, at least `margin_px` inside its edge."""
+
+    margin_px: float = 0.0
+    name: str = "field-of-view"
+
+    def passed(self, views: Views, candidates: Bools, occluder: Sequence[Shape]) -> Bools:
+        """Where the point is inside, (C, N)."""
+        if self.margin_px == 0:
+            return views.in_frustum
+        pixels, arrays, margin = views.pixels, views.arrays, self.margin_px
+        with np.errstate(invalid="ignore"):
+            across = (pixels[..., 0] >= margin - 0.5) & (pixels[..., 0] <= arrays.width - 0.5 - margin)
+            down = (pixels[..., 1] >= margin - 0.5) & (pixels[..., 1] <= arrays.height - 0.5 - margin)
+        return np.asarray(views.in_frustum & across & down)
+
+
+@dataclass(frozen=True)
+class SelfOcclusion:
+    """The surface faces the camera: its incidence angle is below `largest_incidence_deg`."""
+
+    largest_incidence_deg: float = 90.0
+    name: str = "self-occlusion"
+
+    def __post_init__(self) -> None:
+        if not 0 < self.largest_incidence_deg <= 90:
+            raise RangeError(f"largest_incidence_deg = {self.largest_incidence_deg!r}; allowed: above 0, at most 90")
+
+    def passed(self, views: Views, candidates: Bools, occluder: Sequence[Shape]) -> Bools:
+        """Where the surface faces the camera, (C, N)."""
+        smallest = 0.0 if self.largest_incidence_deg == 90 else math.cos(math.radians(self.largest_incidence_deg))
+        with np.errstate(invalid="ignore"):
+            return np.asarray(views.cos_incidence > smallest)
+
+
+@dataclass(frozen=True)
+class Occlusion:
+    """No shape stands in the line of sight, which ends `clearance_m` in front of the surface."""
+
+    clearance_m: float = CLEARANCE_M
+    name: str = "occlusion"
+
+    def passed(self, views: Views, candidates: Bools, occluder: Sequence[Shape]) -> Bools:
+        """Where nothing blocks, (C, N); False outside the candidates."""
+        clear = candidates.copy()
+        if not occluder:
+            return clear
+        camera, point = np.nonzero(candidates)
+        ends = views.points_m
+        if views.normals is not None:
+            ends = ends + self.clearance_m * views.normals
+        clear[camera, point] = ~any_blocks(occluder, views.arrays.position_m[camera], ends[point])
+        return clear
+
+
+VISIBILITY_TESTS: tuple[VisibilityTest, ...] = (FieldOfView(), SelfOcclusion(), Occlusion())
+
+
+def visible_in(
+    views: Views, occluder: Sequence[Shape] = (), tests: Sequence[VisibilityTest] = VISIBILITY_TESTS
+) -> Bools:
+    """Where all `tests` are passed, (C, N); a point at or behind a camera's lens is never visible to it."""
+    seen = np.asarray(views.depth_m > 0)
+    for test in tests:
+        seen &= test.passed(views, seen, occluder)
+    return seen
+
+
 def visible_points(
-    cameras: Sequence[PTZCamera], points_m: Floats, normals: Floats, occluder: Sequence[Shape] = ()
+    cameras: Sequence[PTZCamera],
+    points_m: Floats,
+    normals: Floats,
+    occluder: Sequence[Shape] = (),
+    tests: Sequence[VisibilityTest] = VISIBILITY_TESTS,
 ) -> Bools:
     """Whether each camera sees each point (section 4.1, field of view and occlusion).
 
@@ -28,15 +122,9 @@ def visible_points(
         points_m: m, (N, 3).
         normals: unit outward normals, (N, 3); a point whose surface looks away is hidden by its own object.
         occluder: shapes that block lines of sight, the objects that bear the points among them.
+        tests: those that count, in the order in which they are asked.
 
     Returns:
         (C, N) booleans.
     """
-    seen = np.zeros((len(cameras), len(points_m)), dtype=bool)
-    for row, camera in zip(seen, cameras, strict=True):
-        inside = np.flatnonzero(camera.in_frustum(points_m))
-        facing = inside[camera.cos_incidence(points_m[inside], normals[inside]) > 0]
-        ends = points_m[facing] + CLEARANCE_M * normals[facing]
-        starts = np.broadcast_to(np.array(camera.position_m), ends.shape)
-        row[facing] = ~any_blocks(occluder, starts, ends)
-    return seen
+    return visible_in(Views(cameras, points_m, normals), occluder, tests)

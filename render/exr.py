@@ -17,8 +17,7 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio
 
-from pss import PSSError, PTZCamera
-from render.sensor import Sensor
+from pss import ImageSensor, PSSError, PTZCamera
 from render.view import RENDER_VERSION, Certificate, RenderedView, ViewRequest
 
 __all__ = ["ImageFileError", "read_certificate", "read_view", "write_view"]
@@ -94,7 +93,7 @@ def read_view(path: Path) -> RenderedView:
         return RenderedView(
             spec.get_string_attribute("pss:key"),
             camera,
-            Sensor(**_attribute(path, spec, "sensor")),
+            ImageSensor(**_attribute(path, spec, "sensor")),
             np.ascontiguousarray(planes["Y"]),
             np.ascontiguousarray(planes["depth.Z"]),
             np.dstack([planes[f"normal.{axis}"] for axis in "XYZ"]),

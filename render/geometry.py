@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,8 @@ import trimesh
 from numpy.typing import NDArray
 
 from pss import Box, Rectangle, Sphere
+from pss.surrogates import Mesh
+from render.lit_meshes import lit_mesh
 from render.state import Marker, Room, SceneState
 
 __all__ = ["Surface", "Tile", "lamps", "plate_corners", "surfaces", "tile_sphere"]
@@ -55,7 +58,7 @@ class Tile:
 
 @dataclass(frozen=True)
 class Surface:
-    """A diffuse surface of one albedo: a list of tiles, or a sphere.
+    """A diffuse surface of one albedo: a list of tiles, a sphere, or a mesh.
 
     Attributes:
         mesh_m: m, the largest cell of its tessellation.
@@ -63,7 +66,7 @@ class Surface:
     """
 
     name: str
-    shape: tuple[Tile, ...] | Sphere
+    shape: tuple[Tile, ...] | Sphere | Mesh
     albedo: float
     mesh_m: float
     radiance: float = 0.0
@@ -74,6 +77,9 @@ class Surface:
             vertices, faces = tile_sphere(self.shape, SPHERE_SUBDIVISIONS)
             normals = (vertices - np.array(self.shape.centre_m)) / self.shape.radius_m
             return vertices, normals, faces
+        if isinstance(self.shape, Mesh):
+            lit = lit_mesh(self.shape, self.mesh_m)
+            return lit.vertices_m, lit.normals, lit.faces
         points, normals, triangles, count = [], [], [], 0
         for tile in self.shape:
             corners, quads = tile.split(self.mesh_m)
@@ -82,6 +88,13 @@ class Surface:
             triangles += [quads[:, [0, 1, 2]] + count, quads[:, [0, 2, 3]] + count]
             count += len(corners)
         return np.concatenate(points), np.concatenate(normals), np.concatenate(triangles)
+
+    def lit_by(self, irradiance: Callable[[Floats, Floats], Floats]) -> Floats:
+        """W/m² at the vertices, (V,), from what arrives at any points (N, 3) with unit normals (N, 3)."""
+        if isinstance(self.shape, Mesh):
+            return lit_mesh(self.shape, self.mesh_m).lit_by(irradiance)
+        points, normals, _ = self.triangles()
+        return irradiance(points, normals)
 
 
 def tile_sphere(sphere: Sphere, subdivisions: int) -> tuple[Floats, Integers]:
@@ -95,7 +108,7 @@ def surfaces(state: SceneState) -> list[Surface]:
     found = _room(state.room)
     for item in state.objects:
         shape = item.shape
-        if isinstance(shape, Sphere):
+        if isinstance(shape, Sphere | Mesh):
             found.append(Surface(shape.name, shape, item.albedo, OBJECT_MESH_M))
         else:
             tiles = _board(shape) if isinstance(shape, Rectangle) else _box(shape)

@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pss import Appearance
 from render.geometry import THICKNESS_M, Surface, lamps, plate_corners, surfaces
-from render.light import Radiosity
+from render.light import Radiosity, UnitLight
 from render.markers import pattern, plate_texture
 from render.state import SceneState
 
-__all__ = ["GlowMeshes", "bake", "load_scene"]
+__all__ = ["GlowMeshes", "appearance", "bake", "load_scene"]
 
 Floats = NDArray[np.float64]
 
@@ -43,14 +44,14 @@ class GlowMeshes:
     marker_ids: NDArray[np.int64]
 
 
-def bake(state: SceneState, light: Radiosity) -> GlowMeshes:
+def bake(state: SceneState, light: Radiosity | UnitLight) -> GlowMeshes:
     """Look the irradiance up on all surfaces and plates of `state`."""
     vertices, faces, radiance, count = [], [], [], 0
     for surface in [*surfaces(state), *lamps(state)]:
-        points, normals, triangles = surface.triangles()
+        points, _, triangles = surface.triangles()
         vertices.append(points)
         faces.append(triangles + count)
-        radiance.append(_leaving(surface, points, normals, light))
+        radiance.append(_leaving(surface, len(points), light))
         count += len(points)
     plates, textures = [], []
     for marker in state.markers:
@@ -76,10 +77,28 @@ def bake(state: SceneState, light: Radiosity) -> GlowMeshes:
     )
 
 
-def _leaving(surface: Surface, points: Floats, normals: Floats, light: Radiosity) -> Floats:
+def appearance(state: SceneState, meshes: GlowMeshes) -> Appearance:
+    """How the markers look, for the prediction: from the light on them alone, and not from any view.
+
+    A plate's four corner texels are paper, so that their mean is the white at its centre.
+    """
+    white = meshes.textures[:, [0, 0, -1, -1], [0, -1, 0, -1]].mean(axis=1, dtype=float)
+    if state.light.ring_w_per_sr > 0:  # baked at 1 W/m²; the ring makes I/D² at D = 1 m
+        white = white * state.light.ring_w_per_sr
+    return Appearance(
+        module_m=np.array([marker.module_m for marker in state.markers]),
+        white_w_per_m2_sr=white,
+        black_w_per_m2_sr=white * (state.print.black_albedo / state.print.white_albedo),
+        along=np.array([marker.right for marker in state.markers]),
+        modules=len(pattern(state.print.dictionary, state.markers[0].id)),
+        ring_light=state.light.ring_w_per_sr > 0,
+    )
+
+
+def _leaving(surface: Surface, vertices: int, light: Radiosity) -> Floats:
     if surface.radiance:
-        return np.full(len(points), surface.radiance)
-    return surface.albedo / np.pi * light.irradiance(points, normals)
+        return np.full(vertices, surface.radiance)
+    return surface.albedo / np.pi * surface.lit_by(light.irradiance)
 
 
 def load_scene(meshes: GlowMeshes, mi: Any) -> Any:

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtr
+from scipy.stats import norm
 
 from pss import PTZCamera
 
-__all__ = ["film_position", "load_sensor", "sensor_dict"]
+__all__ = ["circumradius", "film_position", "load_sensor", "pixel_response", "sensor_dict", "straight_film"]
+
+Floats = NDArray[np.float64]
 
 NEAR_M, FAR_M = 1e-2, 1e3
+# Steps of the table of a pixel's response, and how far its tails go in σ: beyond lie 6e-7 of the light.
+RESPONSE_QUANTILES = 2048
+RESPONSE_REACH = 5.0
 
 
 def film_position(pixels: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
@@ -30,7 +38,7 @@ def sensor_dict(camera: PTZCamera, mi: Any) -> dict[str, Any]:
         "type": "thinlens",
         "fov": camera.horizontal_fov_deg,
         "fov_axis": "x",
-        "aperture_radius": camera.aperture_diameter_m / 2,
+        "aperture_radius": camera.aperture_diameter_m / 2 * circumradius(camera.aperture_blades),
         "focus_distance": camera.focus_distance_m,
         "near_clip": NEAR_M,
         "far_clip": FAR_M,
@@ -46,8 +54,49 @@ def sensor_dict(camera: PTZCamera, mi: Any) -> dict[str, Any]:
     }
 
 
+def straight_film(camera: PTZCamera) -> tuple[Floats, Floats]:
+    """Mitsuba's film coordinates, each (height · width,), that see what the pixels' centres see.
+
+    Mitsuba's lens is free of distortion; a pixel of a lens that distorts looks where another one's would.
+
+    Raises:
+        RangeError: a pixel where the lens images nothing.
+    """
+    width, height = camera.resolution
+    pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).reshape(-1, 2).astype(float)
+    film = film_position(camera.undistorted_px(pixels))
+    return film[:, 0], film[:, 1]
+
+
+def circumradius(blades: int) -> float:
+    """Radius of the corners of an aperture of so many blades, over that of the round one of the same area."""
+    return math.sqrt(2 * math.pi / (blades * math.sin(2 * math.pi / blades))) if blades else 1.0
+
+
+def pixel_response(psf_sigma_px: float) -> Floats:
+    """Quantiles, in px from the pixel's first edge, of where light that a pixel collects would fall in a sharp image.
+
+    The pixel's width and the lens's Gaussian, convolved: a sample drawn from it blurs exactly and needs no dimension of
+    its own. Without blur it is the pixel's width alone.
+    """
+    levels = np.arange(RESPONSE_QUANTILES + 1) / RESPONSE_QUANTILES
+    if psf_sigma_px == 0:
+        return levels
+    reach = RESPONSE_REACH * psf_sigma_px
+    place = np.linspace(-reach, 1 + reach, 64 * RESPONSE_QUANTILES)
+    # The integral of Φ is xΦ + φ; the distribution function of the sum is a difference of two.
+    below, above = ((z := (place - edge) / psf_sigma_px) * ndtr(z) + norm.pdf(z) for edge in (0.0, 1.0))
+    share = psf_sigma_px * (below - above)
+    return np.interp(levels, (share - share[0]) / (share[-1] - share[0]), place)
+
+
 def load_sensor(camera: PTZCamera, mi: Any) -> Any:
-    """Mitsuba's sensor object of `camera`."""
+    """Mitsuba's sensor object of `camera`.
+
+    Raises:
+        RangeError: radial distortion that folds the image within the sensor's area.
+    """
+    straight_film(camera)  # a corner that the lens does not image is an error before anything is rendered
     sensor = mi.load_dict(sensor_dict(camera, mi))
     if not mi.variant().startswith("scalar"):
         _make_settings_data(sensor, mi)

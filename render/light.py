@@ -15,11 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import Sphere
-from pss.surrogates import Shape, any_blocks
+from pss.surrogates import Mesh, Shape, any_blocks
 from render.geometry import Surface, lamps, surfaces, tile_sphere
+from render.meshes import MOST_MESH_PATCHES, mesh_patches, patches_wanted, shares
 from render.state import SceneState
 
-__all__ = ["Radiosity", "form_factors", "solve_radiosity"]
+__all__ = ["Radiosity", "UnitLight", "form_factors", "solve_light", "solve_radiosity"]
 
 Floats = NDArray[np.float64]
 
@@ -60,23 +61,49 @@ class Radiosity:
         return np.concatenate(arriving) if arriving else np.zeros(0)
 
 
+@dataclass(frozen=True)
+class UnitLight:
+    """One W/m² on every surface: under ring lights a view scales it by its own camera's light."""
+
+    def irradiance(self, points_m: Floats, normals: Floats) -> Floats:
+        """W/m² at `points_m` (N, 3): ones, (N,)."""
+        return np.ones(len(points_m))
+
+
+def solve_light(state: SceneState) -> Radiosity | UnitLight:
+    """What irradiance is looked up from: the inter-reflection of the lamps' light, or ones under ring lights."""
+    return UnitLight() if state.light.ring_w_per_sr > 0 else solve_radiosity(state)
+
+
 def solve_radiosity(state: SceneState) -> Radiosity:
     """Solve the inter-reflection of the scene's surfaces: B = M + ρ F B over its patches."""
-    pieces = [(surface, _patches(surface)) for surface in [*lamps(state), *surfaces(state)]]
+    pieces = _all_patches([*lamps(state), *surfaces(state)])
     corners = np.concatenate([corners for _, (corners, _) in pieces])
     centres = np.concatenate([centres for _, (_, centres) in pieces])
     albedo = np.concatenate([np.full(len(patches), surface.albedo) for surface, (patches, _) in pieces])
     emitted = np.concatenate([np.full(len(patches), np.pi * surface.radiance) for surface, (patches, _) in pieces])
+    occluders = _joined(state.occluders)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
     received = np.concatenate(
         [
-            _seen_form_factors(centres[part], normals[part], corners, centres, normals, state.occluders)
+            _seen_form_factors(centres[part], normals[part], corners, centres, normals, occluders)
             for part in _chunks(len(centres))
         ]
     )
     radiosity = np.linalg.solve(np.eye(len(centres)) - albedo[:, None] * received, emitted)
-    return Radiosity(corners, centres, normals, radiosity, state.occluders)
+    return Radiosity(corners, centres, normals, radiosity, occluders)
+
+
+def _joined(shapes: tuple[Shape, ...]) -> tuple[Shape, ...]:
+    """The same obstacles with all meshes as one: one search for each ray in place of one for each mesh."""
+    meshes = [shape for shape in shapes if isinstance(shape, Mesh)]
+    if len(meshes) < 2:
+        return shapes
+    first = np.cumsum([0, *(len(mesh.vertices_m) for mesh in meshes)])
+    faces = np.concatenate([mesh.faces + begin for mesh, begin in zip(meshes, first, strict=False)])
+    joined = Mesh("meshes", np.concatenate([mesh.vertices_m for mesh in meshes]), faces)
+    return (*(shape for shape in shapes if not isinstance(shape, Mesh)), joined)
 
 
 def form_factors(points_m: Floats, normals: Floats, corners_m: Floats) -> Floats:
@@ -140,6 +167,14 @@ def _seen_form_factors(
     factors = np.zeros((len(points_m), len(corners_m)))
     factors[receiver, patch] = np.maximum(form_factors(receivers[receiver], normals[receiver], corners_m[patch]), 0.0)
     return factors
+
+
+def _all_patches(found: list[Surface]) -> list[tuple[Surface, tuple[Floats, Floats]]]:
+    """Each surface with its patches; all meshes together have at most `MOST_MESH_PATCHES`."""
+    meshes = [surface.shape for surface in found if isinstance(surface.shape, Mesh)]
+    most = shares([patches_wanted(mesh, OBJECT_PATCH_M) for mesh in meshes], MOST_MESH_PATCHES)
+    of_meshes = iter([mesh_patches(mesh, OBJECT_PATCH_M, count) for mesh, count in zip(meshes, most, strict=True)])
+    return [(s, next(of_meshes) if isinstance(s.shape, Mesh) else _patches(s)) for s in found]
 
 
 def _patches(surface: Surface) -> tuple[Floats, Floats]:

@@ -19,7 +19,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 from scipy.stats import qmc
 
-__all__ = ["Sampled", "Sampling", "film_samples", "pixel_means", "sample_image"]
+from pss import PTZCamera
+from render.lens_effects import PlaceOnFilm
+
+__all__ = ["RingLight", "Sampled", "Sampling", "film_samples", "pixel_means", "sample_image"]
 
 Floats32 = NDArray[np.float32]
 
@@ -32,6 +35,9 @@ TILE_PX = 32
 # The sampling error of a pixel that an edge crosses falls as n^-0.65 or faster under a Sobol net, sharp or defocused
 # (measured from 8 to 2048 samples; benchmarks/README.md); independent samples would give n^-0.5.
 CONVERGENCE_EXPONENT = 0.65
+# Pixels of one sample count differ in how well the net suits the edge that crosses them: what is aimed at is this far
+# below the bound, so that all but one in a thousand keep it (benchmarks/README.md).
+AIM = 0.58
 
 
 @dataclass(frozen=True)
@@ -39,7 +45,8 @@ class Sampling:
     """How many samples a pixel gets.
 
     Attributes:
-        noise_ratio: sampling noise (σ) aimed at, in units of the pixel's sensor noise (σ).
+        noise_ratio: bound on the sampling noise (σ) of the noisiest pixels, the 99.9th percentile of those that an edge
+            crosses, in units of the pixel's sensor noise (σ).
         pilot: samples of the pilot pass.
         fewest, most: bounds on a pixel's samples; even numbers.
     """
@@ -48,6 +55,14 @@ class Sampling:
     pilot: int = 8
     fewest: int = 4
     most: int = 4096
+
+
+@dataclass(frozen=True)
+class RingLight:
+    """A camera's own light: at `position_m` (3,), the lens centre, of `intensity_w_per_sr` in all directions."""
+
+    position_m: tuple[float, float, float]
+    intensity_w_per_sr: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,16 +149,28 @@ def _needed_exponent(
     width, height = resolution
     # An edge may miss the few samples of one pixel and show in the next.
     worst = maximum_filter(variance.reshape(height, width), footprint=footprint)
-    excess = np.sqrt(worst) / (sampling.noise_ratio * sensor_noise(mean.reshape(height, width)))
+    excess = np.sqrt(worst) / (AIM * sampling.noise_ratio * sensor_noise(mean.reshape(height, width)))
     wanted = np.clip(excess ** (1 / CONVERGENCE_EXPONENT), sampling.fewest, sampling.most)
     return np.ceil(np.log2(wanted)).astype(np.int64).ravel()
 
 
-def pixel_means(scene: Any, sensor: Any, mi: Any) -> PixelSampler:
-    """A sampler of `scene` through `sensor` for the vectorised variants of Mitsuba."""
+def pixel_means(
+    scene: Any, sensor: Any, mi: Any, camera: PTZCamera | None = None, ring: RingLight | None = None
+) -> PixelSampler:
+    """A sampler of `scene` through `sensor` for the vectorised variants of Mitsuba.
+
+    Args:
+        camera: adds what Mitsuba's thin lens has not: its blur in focus, radial distortion and blades.
+        ring: lights `scene`, baked at 1 W/m², from the camera.
+    """
     import drjit as dr
 
     width, height = (int(n) for n in sensor.film().crop_size())
+    place = PlaceOnFilm(camera, mi) if camera is not None else None
+    if ring is not None:
+        # Data, not constants: another camera compiles nothing new.
+        intensity = dr.opaque(mi.Float, ring.intensity_w_per_sr)
+        origin = mi.Point3f(*(dr.opaque(mi.Float, x) for x in ring.position_m))
 
     def gather(values: NDArray[np.uint32], where: Any) -> Any:
         return dr.gather(mi.UInt32, mi.UInt32(values), where)
@@ -157,10 +184,20 @@ def pixel_means(scene: Any, sensor: Any, mi: Any) -> PixelSampler:
             mi.Float((gather(net, sample) ^ gather(shift, pixel)) >> 8) * 2.0**-24
             for net, shift in zip(sobol_net(count), shifts, strict=True)
         ]
-        film = mi.Point2f((mi.Float(number % width) + u[0]) / width, (mi.Float(number // width) + u[1]) / height)
-        ray, _ = sensor.sample_ray(0.0, 0.5, film, mi.Point2f(u[2], u[3]))
+        x, y = mi.Float(number % width), mi.Float(number // width)
+        through = mi.Point2f(u[2], u[3])
+        if place is None:
+            film = mi.Point2f((x + u[0]) / width, (y + u[1]) / height)
+        else:
+            at, through = place.film(x, y, u[0], u[1]), place.aperture(through)
+            film = mi.Point2f(at.x / width, at.y / height)
+        ray, _ = sensor.sample_ray(0.0, 0.5, film, through)
         hit = scene.ray_intersect(ray, mi.RayFlags.All, True)
         radiance = hit.emitter(scene).eval(hit)[0]
+        if ring is not None:
+            away = hit.p - origin
+            squared = dr.squared_norm(away)
+            radiance *= intensity * dr.maximum(-dr.dot(hit.n, away), 0) * dr.rsqrt(squared) / squared
         total = dr.block_sum(radiance, count)
         total_of_squares = dr.block_sum(radiance * radiance, count)
         mean = total / count

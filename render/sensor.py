@@ -1,126 +1,206 @@
 """The sensor: from the radiance that reaches the lens to digital numbers, in named stages with units.
 
-radiance → photons → electrons (shot noise) → full well → read noise → gain → quantisation. Many noisy captures come
-from one render: `capture` is called once a trial with a generator of its own.
+radiance → photons → electrons (quantum efficiency, each pixel's own response) → dark current → shot noise of both →
+full well → read-out (each pixel's own offset, read noise) → gain → converter. Many noisy captures come from one render:
+`capture` is called once a trial with a generator of its own, and with the camera's one `fixed_pattern`.
+
+A stage may work in the array that it is given and return that; `capture` never touches its caller's.
 """
 
 from __future__ import annotations
 
-import math
+import hashlib
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pss import PTZCamera, RangeError
+from pss import ImageSensor, PTZCamera
+from pss.distortion import stretch, undistorted
+from pss.photometry import electrons_per_radiance
 
-__all__ = ["Sensor", "capture", "expected_electrons", "noise_electrons", "relative_illumination", "shot_noise"]
+__all__ = [
+    "FixedPattern",
+    "amplify",
+    "capture",
+    "digitise",
+    "expected_electrons",
+    "fill_well",
+    "fixed_pattern",
+    "mean_charge",
+    "photoelectrons",
+    "read_out",
+    "relative_illumination",
+    "saturated_share",
+    "shot_noise",
+]
 
 Floats = NDArray[np.floating]
+Image = NDArray[np.float32]
 
 # From here on the distribution function of the expansion is within 0.0009 of Poisson's.
 EXACT_BELOW_E = 12.0
-PLANCK_TIMES_LIGHT_SPEED_J_M = 6.62607015e-34 * 299_792_458.0
 
 
-@dataclass(frozen=True)
-class Sensor:
-    """A monochrome sensor with its exposure.
+@dataclass(frozen=True, eq=False)
+class FixedPattern:
+    """What distinguishes the pixels of one camera: the same in all its frames. Arrays are (height, width).
 
     Attributes:
-        wavelength_nm: nm, mean wavelength of the band; it sets the photon's energy.
-        quantum_efficiency: electrons per photon, 0 to 1.
-        exposure_ms: ms.
-        full_well_e: electrons at which a pixel saturates.
-        read_noise_e: electrons (σ) of dark noise at each read-out.
-        bits: of the converter; the full well fills its range above the black level.
-        black_level_dn: digital numbers at no light, so that the noise in the dark is not cut off.
+        prnu: each pixel's photo response over the mean, minus 1 (no unit).
+        dsnu_e: electrons, each pixel's dark offset from the mean.
     """
 
-    wavelength_nm: float
-    quantum_efficiency: float
-    exposure_ms: float
-    full_well_e: float
-    read_noise_e: float
-    bits: int
-    black_level_dn: int
+    prnu: Image
+    dsnu_e: Image
 
-    def __post_init__(self) -> None:
-        for name in ("wavelength_nm", "exposure_ms", "full_well_e"):
-            if not 0 < getattr(self, name) < math.inf:
-                raise RangeError(f"Sensor.{name} = {getattr(self, name)!r}; allowed: above 0")
-        if not 0 < self.quantum_efficiency <= 1:
-            raise RangeError(f"Sensor.quantum_efficiency = {self.quantum_efficiency!r}; allowed: above 0, at most 1")
-        if not self.read_noise_e >= 0:
-            raise RangeError(f"Sensor.read_noise_e = {self.read_noise_e!r}; allowed: 0 or more")
-        if not 8 <= self.bits <= 16:
-            raise RangeError(f"Sensor.bits = {self.bits!r}; allowed: 8 to 16")
-        if not 0 <= self.black_level_dn < self.largest_dn:
-            raise RangeError(f"Sensor.black_level_dn = {self.black_level_dn!r}; allowed: 0 to {self.largest_dn - 1}")
 
-    @property
-    def largest_dn(self) -> int:
-        """The converter's largest number."""
-        return 2**self.bits - 1
-
-    @property
-    def gain_e_per_dn(self) -> float:
-        """Electrons per digital number."""
-        return self.full_well_e / (self.largest_dn - self.black_level_dn)
-
-    @property
-    def ccd_noise(self) -> float:
-        """Dark noise over full well, no unit: CCDnoise of Eqs. 12 and 13."""
-        return self.read_noise_e / self.full_well_e
+# ---- light to electrons ----------------------------------------------------------------------------------------------
 
 
 def relative_illumination(camera: PTZCamera) -> Floats:
-    """cos⁴ θ of every pixel, (height, width): how a thin lens darkens towards the image's corners."""
+    """cos⁴ θ of every pixel, (height, width): how a thin lens darkens towards the image's corners.
+
+    Where distortion draws the image together, a pixel collects from a larger solid angle.
+    """
     width, height = camera.resolution
     cx, cy = camera.principal_point_px
     x = (np.arange(width) - cx) / camera.focal_px
     y = (np.arange(height) - cy) / camera.focal_px
-    return 1 / (1 + x**2 + y[:, None] ** 2) ** 2
+    if not any(camera.radial_distortion):
+        return 1 / (1 + x**2 + y[:, None] ** 2) ** 2
+    bent = np.stack(np.broadcast_arrays(x, y[:, None]), axis=-1)
+    squared = (undistorted(bent, *camera.radial_distortion) ** 2).sum(axis=-1)
+    factor, derivative = stretch(squared, *camera.radial_distortion)
+    return 1 / (1 + squared) ** 2 / (factor * (factor + 2 * squared * derivative))
 
 
-def expected_electrons(radiance_w_per_m2_sr: Floats, camera: PTZCamera, sensor: Sensor) -> Floats:
+def photoelectrons(photons: Floats, sensor: ImageSensor) -> Floats:
+    """Mean electrons that a mean of `photons` on each pixel sets free (any shape): the quantum efficiency's share."""
+    return photons * sensor.quantum_efficiency
+
+
+def expected_electrons(radiance_w_per_m2_sr: Floats, camera: PTZCamera, sensor: ImageSensor) -> Floats:
     """Mean photoelectrons of every pixel, (height, width), for a radiance image (height, width).
 
-    The irradiance behind the lens is L (π/4) (a/v)² cos⁴ θ: exact in the aperture and the image distance, so that
-    focusing near (a longer v) darkens the image as it does in a camera.
+    The irradiance behind the lens is L (π/4) (a/v)² cos⁴ θ; photons and quantum efficiency are one factor with it
+    (`pss.photometry.electrons_per_radiance`).
     """
-    steradians = math.pi / 4 * (camera.aperture_diameter_m / camera.image_distance_m) ** 2
-    joules_per_radiance = steradians * camera.pixel_pitch_m**2 * sensor.exposure_ms * 1e-3
-    photon_j = PLANCK_TIMES_LIGHT_SPEED_J_M / (sensor.wavelength_nm * 1e-9)
-    electrons_per_radiance = joules_per_radiance / photon_j * sensor.quantum_efficiency
-    return radiance_w_per_m2_sr * (electrons_per_radiance * relative_illumination(camera))
+    return radiance_w_per_m2_sr * (electrons_per_radiance(camera, sensor) * relative_illumination(camera))
 
 
-def noise_electrons(electrons: Floats, sensor: Sensor) -> Floats:
-    """Electrons (σ) of the noise of one capture at a mean of `electrons`: shot, read-out and quantisation."""
-    quantisation = sensor.gain_e_per_dn**2 / 12
-    return np.sqrt(np.maximum(electrons, 0) + sensor.read_noise_e**2 + quantisation)
+# ---- the camera's own pattern ----------------------------------------------------------------------------------------
 
 
-def shot_noise(electrons: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
+def fixed_pattern(camera: PTZCamera, sensor: ImageSensor) -> FixedPattern:
+    """The pattern of the camera at this place with this many pixels: Gaussian, the same in every frame and every run.
+
+    Where it looks, and how, changes nothing: a camera that pans is the same body. Of `sensor` only the two σ count, and
+    they scale one pattern.
+    """
+    width, height = camera.resolution
+
+    def spread(what: str, sigma: float, lowest: float) -> Image:
+        if sigma == 0:
+            # No memory and no time for a sensor without.
+            return np.broadcast_to(np.float32(0), (height, width))
+        pattern = _body_stream(camera, what).standard_normal((height, width), dtype=np.float32)
+        pattern *= np.float32(sigma)
+        return np.maximum(pattern, np.float32(lowest), out=pattern)
+
+    # A pixel cannot respond with less than nothing, which is 5 σ away at the largest PRNU allowed.
+    return FixedPattern(spread("prnu", sensor.prnu_share, -1), spread("dsnu", sensor.dsnu_e, -np.inf))
+
+
+def _body_stream(camera: PTZCamera, what: str) -> np.random.Generator:
+    # Adding 0.0 turns −0.0, which is the same place, into 0.0.
+    place = [value + 0.0 for value in camera.position_m]
+    words = hashlib.sha256(f"{place}/{camera.resolution}/{what}".encode()).digest()
+    return np.random.default_rng(np.random.SeedSequence(np.frombuffer(words, dtype="<u4").tolist()))
+
+
+# ---- electrons to digital numbers, one exposure ----------------------------------------------------------------------
+
+
+def mean_charge(electrons: Image, sensor: ImageSensor, pattern: FixedPattern | None = None) -> Image:
+    """Mean electrons that each pixel collects in an exposure, of mean photoelectrons without a pattern.
+
+    PRNU scales the light's part; the dark current comes in addition.
+    """
+    if pattern is not None and sensor.prnu_share > 0:
+        electrons = electrons * (pattern.prnu + np.float32(1))
+    return electrons + np.float32(sensor.dark_signal_e) if sensor.dark_signal_e > 0 else electrons
+
+
+def shot_noise(electrons: Image, rng: np.random.Generator) -> Image:
     """Whole electrons of one exposure of mean `electrons` (any shape): Poisson.
 
-    Drawn exactly below `EXACT_BELOW_E`; above it by the Cornish–Fisher expansion of a Poisson variable, rounded, which
-    has its mean, variance and skewness and takes a quarter of the time.
+    A sum of Poisson variables is one: light and dark current are drawn together. Drawn exactly below `EXACT_BELOW_E`;
+    above it by the Cornish–Fisher expansion of a Poisson variable, rounded, which has its mean, variance and skewness
+    and takes a quarter of the time.
     """
     z = rng.standard_normal(electrons.shape, dtype=np.float32)
-    # Rounding adds 1/12 to the variance, the quadratic term 1/18.
-    spread = np.sqrt(np.maximum(electrons - np.float32(1 / 12 + 1 / 18), 0))
-    collected = np.rint(electrons + z * spread + (z * z - 1) / np.float32(6))
+    # rint(electrons + z √(electrons − …) + (z² − 1)/6), in two arrays. Rounding adds 1/12 to the variance, the
+    # quadratic term 1/18.
+    collected = electrons - np.float32(1 / 12 + 1 / 18)
+    np.sqrt(np.maximum(collected, 0, out=collected), out=collected)
+    collected *= z
+    collected += electrons
+    z *= z
+    z -= 1
+    z /= np.float32(6)
+    collected += z
+    np.rint(collected, out=collected)
     dim = electrons < EXACT_BELOW_E
     collected[dim] = rng.poisson(electrons[dim])
-    return np.asarray(collected, dtype=np.float32)
+    return collected
 
 
-def capture(electrons: Floats, sensor: Sensor, rng: np.random.Generator) -> NDArray[np.uint16]:
-    """One noisy exposure in digital numbers, (height, width), of mean `electrons` (height, width)."""
-    collected = shot_noise(np.asarray(electrons, dtype=np.float32), rng)
-    np.minimum(collected, np.float32(sensor.full_well_e), out=collected)
-    collected += np.float32(sensor.read_noise_e) * rng.standard_normal(collected.shape, dtype=np.float32)
-    numbers = np.rint(collected / np.float32(sensor.gain_e_per_dn) + np.float32(sensor.black_level_dn))
-    return np.clip(numbers, 0, sensor.largest_dn).astype(np.uint16)
+def fill_well(electrons: Image, sensor: ImageSensor) -> Image:
+    """Electrons that stay in the pixels' wells: what is beyond the full well is lost. Works in place."""
+    return np.minimum(electrons, np.float32(sensor.full_well_e), out=electrons)
+
+
+def read_out(
+    electrons: Image, sensor: ImageSensor, rng: np.random.Generator, pattern: FixedPattern | None = None
+) -> Image:
+    """Electrons as the amplifier sees them: read noise, and DSNU as an offset of each pixel's own. Works in place."""
+    electrons += np.float32(sensor.read_noise_e) * rng.standard_normal(electrons.shape, dtype=np.float32)
+    if pattern is not None and sensor.dsnu_e > 0:
+        electrons += pattern.dsnu_e
+    return electrons
+
+
+def amplify(electrons: Image, sensor: ImageSensor) -> Image:
+    """Digital numbers before the converter, not yet whole: gain and black level. Works in place."""
+    electrons /= np.float32(sensor.gain_e_per_dn)
+    electrons += np.float32(sensor.black_level_dn)
+    return electrons
+
+
+def digitise(numbers: Image, sensor: ImageSensor) -> NDArray[np.uint16]:
+    """Whole digital numbers from 0 to the converter's largest. Works in place."""
+    np.rint(numbers, out=numbers)
+    return np.clip(numbers, 0, sensor.largest_dn, out=numbers).astype(np.uint16)
+
+
+def capture(
+    electrons: Floats, sensor: ImageSensor, rng: np.random.Generator, pattern: FixedPattern | None = None
+) -> NDArray[np.uint16]:
+    """One noisy exposure in digital numbers, (height, width), of mean photoelectrons `electrons` (height, width).
+
+    Args:
+        pattern: the camera's own, from `fixed_pattern`; without it all pixels are alike, whatever `sensor` says.
+    """
+    charge = mean_charge(np.asarray(electrons, dtype=np.float32), sensor, pattern)
+    collected = fill_well(shot_noise(charge, rng), sensor)
+    return digitise(amplify(read_out(collected, sensor, rng, pattern), sensor), sensor)
+
+
+def saturated_share(electrons: Floats, sensor: ImageSensor) -> float:
+    """Share (0 to 1) of the pixels whose mean charge, for mean photoelectrons of any shape, reaches saturation.
+
+    Shot noise saturates some pixels below that and spares some above.
+    """
+    charge = np.asarray(electrons) + sensor.dark_signal_e
+    return float(np.mean(charge >= sensor.saturation_e)) if charge.size else 0.0

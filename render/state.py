@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pss import Box, Rectangle, Sphere
+from pss import Box, RangeError, Rectangle, Sphere
+from pss.surrogates import Mesh
 
 __all__ = ["Light", "Marker", "MarkerPrint", "Panel", "Room", "SceneObject", "SceneState"]
 
@@ -36,10 +37,22 @@ class Panel:
 
 @dataclass(frozen=True)
 class Light:
-    """Lamps of one radiance, in W/(m² sr) within the sensor's band."""
+    """Lamps in the ceiling, or a ring light at each camera, strobed: each camera sees its own alone.
+
+    Attributes:
+        radiance_w_per_m2_sr: W/(m² sr) within the sensor's band, of all panels.
+        panels: the lamps; none with ring lights.
+        ring_w_per_sr: W/sr, intensity of a camera's ring light, the same in all directions; 0 for lamps. What other
+            surfaces reflect of it is left out: a strobe's first bounce is a hundredth of it and less.
+    """
 
     radiance_w_per_m2_sr: float
     panels: tuple[Panel, ...]
+    ring_w_per_sr: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.ring_w_per_sr > 0 and self.panels:
+            raise RangeError(f"Light has {len(self.panels)} panels and a ring light; allowed: one of the two")
 
 
 @dataclass(frozen=True)
@@ -88,7 +101,7 @@ class Marker:
 class SceneObject:
     """A shape with its diffuse reflectance (0 to 1)."""
 
-    shape: Rectangle | Sphere | Box
+    shape: Rectangle | Sphere | Box | Mesh
     albedo: float
 
 
@@ -113,6 +126,6 @@ class SceneState:
         return np.array([marker.normal for marker in self.markers], dtype=float).reshape(-1, 3)
 
     @property
-    def occluders(self) -> tuple[Rectangle | Sphere | Box, ...]:
+    def occluders(self) -> tuple[Rectangle | Sphere | Box | Mesh, ...]:
         """The shapes that block lines of sight."""
         return tuple(item.shape for item in self.objects)

@@ -15,12 +15,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter
+from scipy.ndimage import maximum_filter, uniform_filter
 
-from pss import PTZCamera
+from pss import ImageSensor, PTZCamera, RangeError
+from pss.surrogates import Mesh
 from render import backend, glow, lens
-from render.sampling import Sampled, Sampling, film_samples, pixel_means, sample_image
-from render.sensor import Sensor, capture, expected_electrons, noise_electrons
+from render.sampling import RingLight, Sampled, Sampling, film_samples, pixel_means, sample_image
+from render.sensor import capture, expected_electrons, fixed_pattern
 from render.state import SceneState
 
 __all__ = ["Certificate", "RenderedView", "Renderer", "ViewRequest", "random_stream", "state_key"]
@@ -28,9 +29,11 @@ __all__ = ["Certificate", "RenderedView", "Renderer", "ViewRequest", "random_str
 Floats = NDArray[np.floating]
 
 # Raised whenever the code changes what is rendered, so that stored views of older code are not taken for today's.
-RENDER_VERSION = 3
+RENDER_VERSION = 4
 # An edge crosses a marker's pixel where the samples within it spread (σ) by more than this many times its sensor noise.
 EDGE_SPREAD = 0.5
+# Side of the window over which the certificate pools the noise of edge pixels.
+POOLED_PX = 5
 
 
 def _digest(content: object) -> str:
@@ -39,6 +42,8 @@ def _digest(content: object) -> str:
 
 
 def _plain(value: object) -> object:
+    if isinstance(value, Mesh):
+        return {"type": "Mesh", "name": value.name, "digest": value.digest}
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         fields = {field.name: getattr(value, field.name) for field in dataclasses.fields(value) if field.compare}
         return {"type": type(value).__name__, **fields}
@@ -56,7 +61,7 @@ class ViewRequest:
 
     state: SceneState
     camera: PTZCamera
-    sensor: Sensor
+    sensor: ImageSensor
     sampling: Sampling
     renderer: str
 
@@ -78,7 +83,8 @@ class Certificate:
     """Sampling noise over sensor noise (σ/σ), estimated from two independent half renders, and the samples spent.
 
     `edge_*` are over the pixels of markers that an edge crosses (nan where there is none), `image_*` over all pixels.
-    The tails of sharp edges are heavy: over one view, `edge_rms` is good to a factor of about 1.6.
+    The tails of sharp edges are heavy: over one view, `edge_rms` is good to a factor of about 1.6. A pixel's own noise,
+    of which two halves give one sample, is pooled with that of the edge's pixels around it for the percentiles.
     """
 
     edge_rms: float
@@ -87,6 +93,10 @@ class Certificate:
     image_rms: float
     image_p999: float
     samples: int
+
+    def meets(self, noise_ratio: float) -> bool:
+        """Whether the 99.9th percentile over the edges of markers is within the bound that was asked."""
+        return not self.edge_p999 > noise_ratio
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +113,7 @@ class RenderedView:
 
     key: str
     camera: PTZCamera
-    sensor: Sensor
+    sensor: ImageSensor
     radiance: NDArray[np.float32]
     depth_m: NDArray[np.float32]
     normal: NDArray[np.float32]
@@ -126,7 +136,7 @@ class Renderer:
         self._scene = glow.load_scene(meshes, self._mi)
         self._ids = meshes.marker_ids
 
-    def request(self, camera: PTZCamera, sensor: Sensor, sampling: Sampling) -> ViewRequest:
+    def request(self, camera: PTZCamera, sensor: ImageSensor, sampling: Sampling) -> ViewRequest:
         """The request of a view of this scene state by this renderer."""
         return ViewRequest(self.state, camera, sensor, sampling, self.name)
 
@@ -139,12 +149,21 @@ class Renderer:
         )
 
         def noise(radiance: NDArray[np.float32]) -> NDArray[np.float32]:
-            sigma = noise_electrons(radiance * electrons_per_radiance, sensor) / electrons_per_radiance
+            sigma = sensor.noise_electrons(radiance * electrons_per_radiance) / electrons_per_radiance
             return np.asarray(sigma, dtype=np.float32)
 
         mitsuba_sensor = lens.load_sensor(camera, self._mi)
-        make = film_samples if self._mi.variant().startswith("scalar") else pixel_means
-        sampler = make(self._scene, mitsuba_sensor, self._mi)
+        intensity = self.state.light.ring_w_per_sr
+        ring = RingLight(camera.position_m, intensity) if intensity > 0 else None
+        extra = camera.psf_sigma_um > 0 or camera.aperture_blades > 0 or any(camera.radial_distortion)
+        if self._mi.variant().startswith("scalar"):
+            if extra or ring is not None:
+                raise RangeError(
+                    "psf_sigma_um, aperture_blades, radial_distortion and ring lights; allowed with LLVM or CUDA alone"
+                )
+            sampler = film_samples(self._scene, mitsuba_sensor, self._mi)
+        else:
+            sampler = pixel_means(self._scene, mitsuba_sensor, self._mi, camera if extra else None, ring)
         rng = random_stream(0, request.key, "render")
         image = sample_image(sampler, camera.resolution, noise, request.sampling, rng)
         depth, normal, marker = self._first_hits(camera, mitsuba_sensor)
@@ -157,7 +176,7 @@ class Renderer:
             depth,
             normal,
             marker,
-            capture(electrons, sensor, random_stream(0, request.key, "sample capture")),
+            capture(electrons, sensor, random_stream(0, request.key, "sample capture"), fixed_pattern(camera, sensor)),
             certify(image, noise, marker),
         )
 
@@ -167,16 +186,16 @@ class Renderer:
         """Depth, normal and marker number along the ray from the lens centre through each pixel's centre."""
         mi = self._mi
         width, height = camera.resolution
-        x, y = (np.arange(n, dtype=np.float32) for n in (width, height))
-        film_x = np.tile(lens.film_position(x) / width, height)
-        film_y = np.repeat(lens.film_position(y) / height, width)
+        film_x, film_y = lens.straight_film(camera)
+        film_x, film_y = (film_x / width).astype(np.float32), (film_y / height).astype(np.float32)
         if mi.variant().startswith("scalar"):
             hits = np.array([self._hit(mitsuba_sensor, film) for film in zip(film_x, film_y, strict=True)])
             distance, normal, plate = hits[:, 0], hits[:, 1:4], hits[:, 4]
         else:
             distance, normal, plate = self._hit(mitsuba_sensor, (film_x, film_y))
-        shape = (height, width)
-        rays = np.stack(np.broadcast_arrays(*_pixel_slopes(camera)), axis=-1)
+        shape, middle = (height, width), np.array(camera.principal_point_px)
+        slopes = np.stack([film_x, film_y], axis=-1) * camera.resolution - lens.film_position(middle)
+        rays = slopes.reshape(*shape, 2) / camera.focal_px
         # Mitsuba's rays begin at the near clip plane.
         depth = np.asarray(distance).reshape(shape) / np.sqrt(1 + (rays**2).sum(axis=-1)) + lens.NEAR_M
         marker = np.full(width * height, -1, dtype=np.int32)
@@ -204,26 +223,30 @@ class Renderer:
         return hit.t.numpy(), hit.n.numpy().T, plate.numpy()
 
 
-def _pixel_slopes(camera: PTZCamera) -> tuple[Floats, Floats]:
-    cx, cy = camera.principal_point_px
-    width, height = camera.resolution
-    return (np.arange(width) - cx) / camera.focal_px, (np.arange(height)[:, None] - cy) / camera.focal_px
-
-
 def certify(
     image: Sampled, noise: Callable[[NDArray[np.float32]], NDArray[np.float32]], marker: NDArray[np.int32]
 ) -> Certificate:
     """State the sampling noise that two half renders of a view show."""
     sigma = noise(image.mean)
     ratio = np.abs(image.half_difference) / 2 / sigma
-    edges = ratio[(maximum_filter(marker, 3) >= 0) & (np.sqrt(image.variance) > EDGE_SPREAD * sigma)]
+    on_edge = np.sqrt(image.variance) > EDGE_SPREAD * sigma
+    of_marker = on_edge & (maximum_filter(marker, 3) >= 0)
+    edges = ratio[of_marker]
+    pooled = _pooled(ratio, on_edge)
     nothing = float("nan")
     return Certificate(
         edge_rms=float(np.sqrt(np.mean(edges**2))) if edges.size else nothing,
         # |difference| of two Gaussian halves has its median at 0.6745 σ.
         edge_median=float(np.median(edges) / 0.6745) if edges.size else nothing,
-        edge_p999=float(np.percentile(edges, 99.9)) if edges.size else nothing,
+        edge_p999=float(np.percentile(pooled[of_marker], 99.9)) if edges.size else nothing,
         image_rms=float(np.sqrt(np.mean(ratio**2))),
-        image_p999=float(np.percentile(ratio, 99.9)),
+        image_p999=float(np.percentile(pooled[on_edge], 99.9)) if on_edge.any() else 0.0,
         samples=image.samples,
     )
+
+
+def _pooled(ratio: NDArray[np.float32], on_edge: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """RMS of the ratio over the edge's pixels in a small window about each pixel."""
+    counted = uniform_filter(on_edge.astype(np.float32), POOLED_PX)
+    square = uniform_filter(np.where(on_edge, ratio**2, 0).astype(np.float32), POOLED_PX)
+    return np.sqrt(np.maximum(square, 0) / np.maximum(counted, 0.5 / POOLED_PX**2))

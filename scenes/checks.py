@@ -8,14 +8,19 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from pss import Box, GeometryError, PTZCamera, RangeError, Rectangle, Sphere
-from pss.surrogates import Shape
+from pss.camera import MOST_BLADES
+from pss.surrogates import Mesh, Shape
 from scenes.errors import Location, Problems, allowed_in
-from scenes.schema import NOISE_FACTORS, BoxSpec, CameraSpec, RectangleSpec, RoomSpec, SceneSpec, SphereSpec
+from scenes.mesh_file import holds
+from scenes.mesh_schema import MeshSpec
+from scenes.schema import NOISE_FACTORS, BoxSpec, CameraSpec, LightSpec, RectangleSpec, RoomSpec, SceneSpec, SphereSpec
 
 __all__ = ["check_names", "check_scene", "extent_m", "inside_room", "known", "room_allows", "room_size", "shape_of"]
 
 # Walls, floor and boxes may touch; sums of decimal fractions are off by less than this.
 TOUCHING_M = 1e-9
+# Mesh files keep single precision.
+MESH_TOUCHING_M = 1e-5
 # Boards closer to a wall than this fight with it for the same pixels.
 OFF_THE_WALL_M = 1e-3
 # Beyond the image distance of any lens: it keeps the focus out of the check of another setting.
@@ -28,6 +33,8 @@ def check_scene(draft: SceneSpec, problems: Problems) -> None:
     check_names(("objects",), draft.objects, "object", problems)
     _check_panels(draft, problems)
     _check_sensor(draft, problems)
+    _check_lens(draft, problems)
+    _check_light(draft, problems)
     for index, camera in _present(draft.cameras):
         _check_pose(("cameras", index), camera, draft, problems)
         _check_settings(("cameras", index), camera, draft, problems)
@@ -132,6 +139,51 @@ def _check_pose(place: Location, camera: CameraSpec, draft: SceneSpec, problems:
             problems.add((*place, "aim_m"), f"a point at a tilt {allowed_in(error)}")
 
 
+def _check_light(draft: SceneSpec, problems: Problems) -> None:
+    """The keys of one kind of light, and none of the other's."""
+    light = draft.light
+    if light is None or light.kind is None:
+        return
+    ambient, ring = ("radiance_w_per_m2_sr", "panels"), ("ring_w_per_sr",)
+    wanted, other = (ring, ambient) if light.kind == "ring" else (ambient, ring)
+    said = problems.document.get("light", {})
+    for key in wanted:
+        if key not in said:
+            description = LightSpec.model_fields[key].description
+            problems.add(("light", key), f'{description} (the light is "{light.kind}")')
+    for key in other:
+        if key in said:
+            problems.add(("light", key), f'not beside kind = "{light.kind}"')
+
+
+def _check_lens(draft: SceneSpec, problems: Problems) -> None:
+    """Blades of a polygon, and a distortion that does not fold the image of the camera with the widest view."""
+    lens, sensor = draft.lens, draft.sensor
+    if lens is None:
+        return
+    if lens.aperture_blades in (1, 2):
+        problems.add(("lens", "aperture_blades"), f"0 (round), or a whole number from 3 to {MOST_BLADES}")
+    zooms = [camera.zoom for camera in draft.cameras or () if camera is not None and known(camera.zoom)]
+    if sensor is None or not zooms or not known(sensor.resolution_px, lens.radial_distortion, lens.widest_fov_deg):
+        return
+    try:
+        camera = PTZCamera(
+            (0, 0, 0),
+            0,
+            0,
+            zoom=max(1.0, min(zooms)),
+            max_zoom=math.inf,
+            focus_distance_m=FAR_M,
+            resolution=sensor.resolution_px,
+            widest_fov_deg=lens.widest_fov_deg,
+            radial_distortion=lens.radial_distortion,
+        )
+        camera.undistorted_px((-0.5, -0.5))
+    except RangeError as error:
+        allowed = allowed_in(error)
+        problems.add(("lens", "radial_distortion"), f"what images all of the sensor at the smallest zoom, {allowed}")
+
+
 def _check_settings(place: Location, camera: CameraSpec, draft: SceneSpec, problems: Problems) -> None:
     """Zoom and focus, as `PTZCamera` itself judges them, each beside harmless values of the rest."""
     lens, sensor = draft.lens, draft.sensor
@@ -161,7 +213,7 @@ def _check_settings(place: Location, camera: CameraSpec, draft: SceneSpec, probl
 # ---- objects -------------------------------------------------------------------------------------------------------
 
 
-def shape_of(item: RectangleSpec | SphereSpec | BoxSpec | None) -> Rectangle | Sphere | Box | None:
+def shape_of(item: RectangleSpec | SphereSpec | BoxSpec | MeshSpec | None) -> Rectangle | Sphere | Box | Mesh | None:
     """The shape that a table of [[objects]] describes; None if a part of it is missing or wrong."""
     match item:
         case RectangleSpec():
@@ -173,6 +225,8 @@ def shape_of(item: RectangleSpec | SphereSpec | BoxSpec | None) -> Rectangle | S
         case BoxSpec():
             values = (item.name, item.lowest_m, item.highest_m)
             return Box(*values) if known(*values) and _is_box(item) else None
+        case MeshSpec():
+            return item._mesh
     return None
 
 
@@ -186,10 +240,13 @@ def _check_object(place: Location, item: object, room: RoomSpec | None, problems
     shape, size = shape_of(item), room_size(room)
     if shape is None or size is None:
         return
-    if not inside_room(extent_m(shape), size):
-        noun, key = {Rectangle: ("board", "centre_m"), Sphere: ("ball", "centre_m"), Box: ("box", "highest_m")}[
-            type(shape)
-        ]
+    if not inside_room(extent_m(shape), size, -MESH_TOUCHING_M if isinstance(shape, Mesh) else 0.0):
+        noun, key = {
+            Rectangle: ("board", "centre_m"),
+            Sphere: ("ball", "centre_m"),
+            Box: ("box", "highest_m"),
+            Mesh: ("mesh", "position_m"),
+        }[type(shape)]
         if isinstance(shape, Box) and not inside_room(np.array(shape.lowest_m), size):
             key = "lowest_m"
         problems.add((*place, key), f"the whole {noun} {room_allows(size)}")
@@ -197,7 +254,7 @@ def _check_object(place: Location, item: object, room: RoomSpec | None, problems
         problems.add((*place, "centre_m"), f"at least {OFF_THE_WALL_M * 1e3:g} mm off the wall")
 
 
-def extent_m(shape: Rectangle | Sphere | Box) -> np.ndarray:
+def extent_m(shape: Rectangle | Sphere | Box | Mesh) -> np.ndarray:
     """Metres, points of a shape that are all in the room if and only if the shape is, (N, 3)."""
     match shape:
         case Rectangle():
@@ -207,6 +264,8 @@ def extent_m(shape: Rectangle | Sphere | Box) -> np.ndarray:
             return np.array(shape.centre_m) + shape.radius_m * np.vstack([np.eye(3), -np.eye(3)])
         case Box():
             return np.array([shape.lowest_m, shape.highest_m])
+        case Mesh():
+            return np.array([shape.vertices_m.min(axis=0), shape.vertices_m.max(axis=0)])
 
 
 def _holds(shape: Shape, point_m: np.ndarray) -> bool:
@@ -215,6 +274,8 @@ def _holds(shape: Shape, point_m: np.ndarray) -> bool:
             return bool(np.linalg.norm(point_m - shape.centre_m) <= shape.radius_m)
         case Box():
             return bool((point_m >= shape.lowest_m).all() and (point_m <= shape.highest_m).all())
+        case Mesh():
+            return holds(shape, point_m)
     return False  # a board has no inside
 
 

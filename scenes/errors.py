@@ -40,6 +40,7 @@ class Problems:
         self.document = document
         self.overridden: set[Location] = set()
         self.lines: list[str] = []
+        self.warnings: list[str] = []
         self._suggested: set[Location] = set()
 
     def given(self, location: Location) -> bool:
@@ -72,6 +73,13 @@ class Problems:
         line = f"{self.file}: {text}"
         if line not in self.lines:
             self.lines.append(line)
+
+    def warn(self, location: Location, text: str) -> None:
+        """Note what is accepted at `location`, but not as the user may think."""
+        said = f"{dotted(location, self.document)} = {shown(_value_at(self.document, location))}"
+        line = f"{self.file}: warning: {said}; {text}"
+        if line not in self.warnings:
+            self.warnings.append(line)
 
     def raise_if_any(self) -> None:
         """Raise all that was collected as one `SceneError`."""

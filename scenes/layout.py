@@ -12,7 +12,15 @@ from render.state import Marker
 from scenes.dictionaries import Dictionary
 from scenes.schema import GridSpec, PlacedSpec, SpiralSpec
 
-__all__ = ["largest_spiral_module_m", "markers_on", "overlapping", "placed_marker", "plate_corners_m", "plate_side_m"]
+__all__ = [
+    "largest_spiral_module_m",
+    "marker_at",
+    "markers_on",
+    "overlapping",
+    "placed_marker",
+    "plate_corners_m",
+    "plate_side_m",
+]
 
 Floats = NDArray[np.float64]
 
@@ -52,7 +60,7 @@ def markers_on(shape: Rectangle | Sphere, spec: GridSpec | SpiralSpec) -> list[M
         points, normals = shape.spiral(spec.count)
         ups = np.array([upwards(normal) for normal in normals])
     return [
-        _marker(spec.first_id + number, shape.name, point, normal, up, spec.module_mm)
+        marker_at(spec.first_id + number, shape.name, point, normal, up, spec.module_mm)
         for number, (point, normal, up) in enumerate(zip(points, normals, ups, strict=True))
     ]
 
@@ -71,10 +79,11 @@ def placed_marker(spec: PlacedSpec) -> Marker | None:
         if not np.linalg.norm(up) > POLE_SINE * length:
             return None
         up = up / np.linalg.norm(up)
-    return _marker(spec.id, spec.object, np.array(spec.centre_m), normal, up, spec.module_mm)
+    return marker_at(spec.id, spec.object, np.array(spec.centre_m), normal, up, spec.module_mm)
 
 
-def _marker(number: int, owner: str, on_surface_m: Floats, normal: Floats, up: Floats, module_mm: float) -> Marker:
+def marker_at(number: int, owner: str, on_surface_m: Floats, normal: Floats, up: Floats, module_mm: float) -> Marker:
+    """The marker whose plate lies `PLATE_OFFSET_M` over a point (3,) of a surface of unit `normal` (3,)."""
     centre_m = on_surface_m + PLATE_OFFSET_M * normal
     return Marker(number, owner, _triple(centre_m), _triple(normal), _triple(up), module_mm * 1e-3)
 

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from pss import Box, Rectangle, Sphere
+from pss import Rectangle, Sphere
 from render.state import Marker
 from scenes.checks import extent_m, inside_room, known, room_allows, room_size, shape_of
 from scenes.dictionaries import DICTIONARIES, Dictionary
 from scenes.errors import Location, Problems, nearest
 from scenes.layout import largest_spiral_module_m, markers_on, overlapping, placed_marker, plate_corners_m, plate_side_m
+from scenes.mesh_schema import MeshSpec, SpreadSpec
+from scenes.plates import Solid, stand_off_problem
 from scenes.schema import GridSpec, PlacedSpec, SceneSpec, SpiralSpec
+from scenes.spread import spread_over
 
 __all__ = ["check_markers"]
 
@@ -50,6 +54,7 @@ def check_markers(draft: SceneSpec, problems: Problems) -> None:
     _check_each_once(groups, problems)
     if side_modules is not None:
         _check_room(draft, groups, side_modules, problems)
+        _check_stand_off(draft, groups, side_modules, problems)
         _check_placed_apart(draft, groups, side_modules, problems)
     asked = [("markers", "placed"), *(("objects", index, "markers") for index in range(len(draft.objects or ())))]
     if draft.objects is not None and not any(problems.given(place) for place in asked):
@@ -69,7 +74,10 @@ def _groups_on_objects(draft: SceneSpec, side_modules: float | None, problems: P
         number = counts[0] * (counts[1] if len(counts) > 1 else 1)
         shape, markers = shape_of(item), ()
         # No dictionary has more: a slip of a zero is reported by the check of ids, not by running out of memory.
-        if known(shape, spec.module_mm) and number <= MOST_IDS:
+        if isinstance(item, MeshSpec):
+            if known(shape, spec.module_mm, side_modules) and number <= MOST_IDS:
+                markers = item._spread = _spread(place, item, draft, side_modules, problems)
+        elif known(shape, spec.module_mm) and number <= MOST_IDS:
             if side_modules is not None:
                 _check_plates(place, shape, spec, side_modules, problems)
             markers = tuple(markers_on(shape, spec))
@@ -91,6 +99,49 @@ def _check_plates(
     # 1e-9: a module that fills its cell is allowed, whatever its decimal fraction comes to.
     if spec.module_mm * 1e-3 > largest * (1 + 1e-9):
         problems.add((*place, "module_mm"), f"at most {_floor(largest * 1e3)} so that {reason}")
+
+
+def _spread(
+    place: Location, item: MeshSpec, draft: SceneSpec, side_modules: float, problems: Problems
+) -> tuple[Marker, ...]:
+    """The markers spread over a mesh; a problem if there is no room for them all."""
+    spec: SpreadSpec = item.markers
+    size = room_size(draft.room)
+    if not known(size, spec.min_distance_m, spec.flatness_mm, spec.seed):
+        return ()
+    side_m = spec.module_mm * 1e-3 * side_modules
+    diagonal_m = math.sqrt(2) * side_m
+    if spec.min_distance_m < diagonal_m:
+        reason = f"the diagonal of a plate of {side_modules:g} modules, so that plates stay apart"
+        problems.add((*place, "min_distance_m"), f"at least {math.ceil(diagonal_m * 1e4) / 1e4:g}, {reason}")
+        return ()
+    found = spread_over(
+        item._mesh,
+        tuple(shape for name, shape in _shapes(draft).items() if name != item.name),
+        size,
+        count=spec.count,
+        module_mm=spec.module_mm,
+        side_m=side_m,
+        min_distance_m=spec.min_distance_m,
+        flatness_m=spec.flatness_mm * 1e-3,
+        first_id=spec.first_id,
+        seed=spec.seed,
+    )
+    if not found.flat:
+        where = f"on a part of the mesh that is flat within {spec.flatness_mm:g} mm, and free; there is none"
+        problems.add((*place, "module_mm"), f"plates of {side_m * 1e3:.4g} mm {where}")
+    elif len(found.markers) < spec.count:
+        reason = f"{spec.min_distance_m:g} m apart where the mesh is flat within {spec.flatness_mm:g} mm"
+        room = f"{found.flat} of {found.tried} places tried bear a plate of {side_m * 1e3:.4g} mm"
+        problems.add((*place, "count"), f"at most {len(found.markers)}, as no more fit {reason} ({room})")
+    return found.markers
+
+
+def _shapes(draft: SceneSpec) -> dict[str, Solid]:
+    """What is in the room, by name."""
+    shapes = [shape for item in draft.objects or () if (shape := shape_of(item)) is not None]
+    shapes += [part.shape for part in draft.backdrop._parts] if draft.backdrop is not None else []
+    return {shape.name: shape for shape in shapes}
 
 
 def _floor(millimetres: float) -> str:
@@ -159,12 +210,23 @@ def _check_room(draft: SceneSpec, groups: list[_Group], side_modules: float, pro
             problems.add((*group.place, key), f"every plate {room_allows(size)}")
 
 
+def _check_stand_off(draft: SceneSpec, groups: list[_Group], side_modules: float, problems: Problems) -> None:
+    """Markers placed by hand lie on their object, and stick through nothing."""
+    shapes, size = _shapes(draft), room_size(draft.room)
+    for group in groups:
+        for marker in group.markers if group.id_key == "id" and group.owner in shapes else ():
+            others = [shape for name, shape in shapes.items() if name != group.owner]
+            side_m = side_modules * marker.module_m
+            # Where a plate leaves the room, that is the mistake, not what it leaves on the way.
+            if size is None or not inside_room(plate_corners_m(marker, side_m), size):
+                continue
+            problem = stand_off_problem(marker, side_m, shapes[group.owner], others)
+            if problem is not None:
+                problems.add((*group.place, "centre_m"), problem)
+
+
 def _check_placed_apart(draft: SceneSpec, groups: list[_Group], side_modules: float, problems: Problems) -> None:
-    shapes: dict[str, Rectangle | Sphere | Box] = {}
-    for item in draft.objects or ():
-        shape = shape_of(item)
-        if shape is not None:
-            shapes[shape.name] = shape
+    shapes = _shapes(draft)
     on: dict[str, list[tuple[_Group, Marker]]] = defaultdict(list)
     for group in groups:
         on[group.owner] += [(group, marker) for marker in group.markers]

@@ -7,25 +7,32 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pss import ConstantAcceleration, ConstantVelocity, NoiseModel, PTZCamera, RandomWalk, noise_model
+from pss import ConstantAcceleration, ConstantVelocity, ImageSensor, NoiseModel, PTZCamera, RandomWalk, noise_model
 from pss.process import ProcessModel
-from render.sensor import Sensor
 from render.state import Light, Marker, MarkerPrint, Panel, Room, SceneObject, SceneState
 from scenes.checks import check_scene, shape_of
 from scenes.document import SWEEP_PREFIX, apply_overrides, read_toml
 from scenes.errors import Problems, SceneError, nearest
 from scenes.layout import markers_on, placed_marker
 from scenes.marker_checks import check_markers
+from scenes.mesh_file import read_files
+from scenes.mesh_schema import MeshSpec
 from scenes.schema import (
     CameraSpec,
     ConstantAccelerationSpec,
     ConstantVelocitySpec,
+    LightSpec,
     RandomWalkSpec,
     SceneSpec,
 )
+from scenes.sensor_file import start_from_named_sensor
 from scenes.spec import validate
 
 __all__ = ["Scene", "load_scene"]
+
+
+# The noise models whose factors [noise] may switch off.
+OF_THE_PAPER = ("as-printed", "corrected")
 
 
 @dataclass(frozen=True)
@@ -39,15 +46,17 @@ class Scene:
         sensor: the one that all cameras have.
         process: how the points of interest move.
         noise_models: the R_k whose predictions a run compares, with the sensor's own dark noise.
+        warnings: what was accepted but may not be as the user thinks, a line each.
     """
 
     path: Path
     state: SceneState
     cameras: tuple[PTZCamera, ...]
-    sensor: Sensor
+    sensor: ImageSensor
     process: ProcessModel
     noise_models: tuple[NoiseModel, ...]
     _spec: SceneSpec = field(repr=False)
+    warnings: tuple[str, ...] = ()
 
     def camera(self, name: str) -> PTZCamera:
         """The camera called `name`.
@@ -78,7 +87,9 @@ def load_scene(path: str | Path, overrides: Iterable[str] = ()) -> Scene:
     path = Path(path)
     problems = Problems(path, read_toml(path))
     apply_overrides(SceneSpec, (o for o in overrides if not o.strip().startswith(SWEEP_PREFIX)), problems)
+    start_from_named_sensor(problems)
     spec, draft = validate(SceneSpec, problems.document, problems)
+    read_files(draft, path.parent, problems)
     check_scene(draft, problems)
     check_markers(draft, problems)
     problems.raise_if_any()
@@ -86,20 +97,23 @@ def load_scene(path: str | Path, overrides: Iterable[str] = ()) -> Scene:
     sensor = _sensor(spec)
     return Scene(
         path=path,
-        state=_state(spec),
+        # No problem, so the draft is the same, with what its files hold.
+        state=_state(draft),
         cameras=tuple(_camera(camera, spec) for camera in spec.cameras),
         sensor=sensor,
         process=_process(spec),
         noise_models=tuple(
             noise_model(
                 name,
-                switched_off=spec.noise.switched_off,
+                switched_off=spec.noise.switched_off if name in OF_THE_PAPER else (),
                 ccd_noise=sensor.ccd_noise,
                 px2_per_m2=spec.noise.px2_per_m2,
+                sensor=sensor,
             )
             for name in spec.noise.models
         ),
         _spec=spec,
+        warnings=tuple(problems.warnings),
     )
 
 
@@ -108,22 +122,33 @@ def _state(spec: SceneSpec) -> SceneState:
     markers: list[Marker] = []
     for item, shape in zip(spec.objects, shapes, strict=True):
         layout = getattr(item, "markers", None)
-        markers += [] if layout is None else markers_on(shape, layout)
+        if isinstance(item, MeshSpec):
+            markers += item._spread
+        elif layout is not None:
+            markers += markers_on(shape, layout)
     markers += [marker for placed in spec.markers.placed if (marker := placed_marker(placed)) is not None]
     return SceneState(
         room=Room(**spec.room.model_dump()),
-        light=Light(
-            spec.light.radiance_w_per_m2_sr, tuple(Panel(panel.centre_m, panel.size_m) for panel in spec.light.panels)
+        light=_light(spec.light),
+        objects=(
+            *(SceneObject(shape, item.albedo) for item, shape in zip(spec.objects, shapes, strict=True)),
+            *(spec.backdrop._parts if spec.backdrop is not None else ()),
         ),
-        objects=tuple(SceneObject(shape, item.albedo) for item, shape in zip(spec.objects, shapes, strict=True)),
         markers=tuple(markers),
         print=MarkerPrint(**spec.markers.model_dump(exclude={"placed"})),
     )
 
 
-def _sensor(spec: SceneSpec) -> Sensor:
+def _light(spec: LightSpec) -> Light:
+    if spec.kind == "ring":
+        return Light(0.0, (), spec.ring_w_per_sr or 0.0)
+    panels = tuple(Panel(panel.centre_m, panel.size_m) for panel in spec.panels or ())
+    return Light(spec.radiance_w_per_m2_sr or 0.0, panels)
+
+
+def _sensor(spec: SceneSpec) -> ImageSensor:
     # Resolution and pitch of the pixels are geometry: the cameras carry them.
-    return Sensor(**spec.sensor.model_dump(exclude={"resolution_px", "pixel_pitch_um"}))
+    return ImageSensor(**spec.sensor.model_dump(exclude={"name", "resolution_px", "pixel_pitch_um"}))
 
 
 def _camera(spec: CameraSpec, scene: SceneSpec) -> PTZCamera:
@@ -138,6 +163,9 @@ def _camera(spec: CameraSpec, scene: SceneSpec) -> PTZCamera:
         pixel_pitch_m=scene.sensor.pixel_pitch_um * 1e-6,
         max_zoom=scene.lens.max_zoom,
         widest_fov_deg=scene.lens.widest_fov_deg,
+        radial_distortion=scene.lens.radial_distortion,
+        psf_sigma_um=scene.lens.psf_sigma_um,
+        aperture_blades=scene.lens.aperture_blades,
         name=spec.name,
     )
     return camera if spec.aim_m is None else camera.aimed_at(spec.aim_m)

@@ -1,7 +1,8 @@
 """What a scene file may say, key by key. Rules that need several keys at once are in `checks` and `markers`.
 
 Units end the names: _m metres, _mm millimetres, _um micrometres, _nm nanometres, _ms milliseconds, _deg degrees,
-_e electrons, _dn digital numbers. A description is the text that the user reads after "allowed:".
+_e electrons, _dn digital numbers, _per_ what divides them. A description is the text that the user reads after
+"allowed:".
 """
 
 from __future__ import annotations
@@ -11,8 +12,12 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from pss import NOISE_MODELS, noise_model
-from pss.camera import MAX_ABS_TILT_DEG
+from pss.camera import MAX_ABS_TILT_DEG, MOST_BLADES
+from pss.photometry import LARGEST_PRNU_SHARE
 from scenes.dictionaries import DICTIONARIES
+from scenes.mesh_schema import BackdropSpec, MeshSpec
+from scenes.quantities import Albedo, Degrees, Direction, MarkerId, Metres, Millimetres, Point
+from scenes.sensor_file import known_sensors
 from scenes.spec import Count, Item, Name, Number, Positive, Spec, one_of
 
 __all__ = [
@@ -29,13 +34,6 @@ __all__ = [
 
 NOISE_FACTORS = tuple(factor.name for factor in noise_model(NOISE_MODELS[0]).factors)
 
-Metres = Annotated[Positive, Field(description="a number above 0, in metres")]
-Millimetres = Annotated[Positive, Field(description="a number above 0, in millimetres")]
-Degrees = Annotated[Number, Field(description="a number, in degrees")]
-Albedo = Annotated[Number, Field(ge=0, le=1, description="a number from 0 to 1")]
-Point = Annotated[tuple[Number, Number, Number], Field(description="[x, y, z], in metres")]
-Direction = Annotated[tuple[Number, Number, Number], Field(description="[x, y, z], a direction of any length above 0")]
-MarkerId = Annotated[int, Field(strict=True, ge=0, description="a whole number, 0 or more")]
 Size = Annotated[Number, Field(gt=0)]
 PixelCount = Annotated[int, Field(strict=True, ge=16, le=20000)]
 TILT = f"a number from -{MAX_ABS_TILT_DEG} to {MAX_ABS_TILT_DEG}, in degrees"
@@ -60,14 +58,18 @@ class PanelSpec(Spec):
 
 
 class LightSpec(Spec):
-    """[light]."""
+    """[light]: "ambient", panels in the ceiling; or "ring", a strobe at each camera, which sees its own alone."""
 
-    radiance_w_per_m2_sr: Annotated[Positive, Field(description="a number above 0, in W/(m² sr)")]
-    panels: Annotated[tuple[Annotated[PanelSpec, Item], ...], Field(min_length=1)]
+    kind: Annotated[Literal["ambient", "ring"], Field(description='"ambient" or "ring"')] = "ambient"
+    radiance_w_per_m2_sr: Positive | None = Field(None, description="a number above 0, in W/(m² sr), of the panels")
+    panels: Annotated[tuple[Annotated[PanelSpec, Item], ...], Field(min_length=1)] | None = Field(
+        None, description="at least one { centre_m, size_m }"
+    )
+    ring_w_per_sr: Positive | None = Field(None, description="a number above 0, in W/sr, of each camera's ring light")
 
 
-class SensorSpec(Spec):
-    """[sensor]: one for all cameras."""
+class SensorFileSpec(Spec):
+    """A named sensor's file: all of [sensor] that is the sensor's own."""
 
     resolution_px: Annotated[
         tuple[PixelCount, PixelCount], Field(description="[width, height], whole numbers from 16 to 20000, in pixels")
@@ -75,12 +77,31 @@ class SensorSpec(Spec):
     pixel_pitch_um: Annotated[Positive, Field(lt=1000, description="a number above 0 and below 1000, in micrometres")]
     wavelength_nm: Annotated[Positive, Field(description="a number above 0, in nanometres")]
     quantum_efficiency: Annotated[Positive, Field(le=1, description="a number above 0, at most 1")]
-    exposure_ms: Annotated[Positive, Field(description="a number above 0, in milliseconds")]
     full_well_e: Annotated[Positive, Field(description="a number above 0, in electrons")]
     # Eqs. 12 and 13 are made of the dark noise alone: without any they are no noise model.
     read_noise_e: Annotated[Positive, Field(description="a number above 0, in electrons")]
     bits: Annotated[int, Field(strict=True, ge=8, le=16, description="a whole number from 8 to 16")]
     black_level_dn: Annotated[int, Field(strict=True, ge=0, description="a whole number, 0 or more")]
+    dark_current_e_per_s: Number = Field(0.0, ge=0, description="a number, 0 or more, in electrons per second")
+    prnu_share: Number = Field(
+        0.0, ge=0, le=LARGEST_PRNU_SHARE, description=f"a number from 0 to {LARGEST_PRNU_SHARE} (0.01 is 1 %)"
+    )
+    dsnu_e: Number = Field(0.0, ge=0, description="a number, 0 or more, in electrons")
+    # Without it the full well fills the converter's range above the black level.
+    system_gain_dn_per_e: Positive | None = Field(
+        None,
+        description="a number above 0, in digital numbers per electron (without it, the full well fills the range)",
+    )
+
+
+class SensorSpec(SensorFileSpec):
+    """[sensor]: one for all cameras. With `name` it starts from that sensor, and its own keys go before."""
+
+    name: Annotated[str, Field(strict=True)] | None = Field(None, description=", ".join(known_sensors()))
+    exposure_ms: Annotated[Positive, Field(description="a number above 0, in milliseconds")]
+
+    # Another name is another sensor, not the old one's numbers under a new name.
+    replaces: ClassVar = {"name": tuple(SensorFileSpec.model_fields)}
 
 
 class LensSpec(Spec):
@@ -89,6 +110,14 @@ class LensSpec(Spec):
     f_number: Positive
     widest_fov_deg: Annotated[Positive, Field(lt=180, description="a number above 0 and below 180, in degrees")]
     max_zoom: Annotated[Number, Field(ge=1, description="a number, 1 or more")]
+    radial_distortion: Annotated[
+        tuple[Number, Number], Field(description="[k1, k2] of OpenCV's radial distortion, two numbers")
+    ] = (0.0, 0.0)
+    psf_sigma_um: Annotated[Number, Field(ge=0, description="a number, 0 or more, in micrometres on the sensor")] = 0.0
+    aperture_blades: Annotated[
+        int,
+        Field(strict=True, ge=0, le=MOST_BLADES, description=f"0 (round), or a whole number from 3 to {MOST_BLADES}"),
+    ] = 0
 
 
 class CameraSpec(Spec):
@@ -215,7 +244,7 @@ class NoiseSpec(Spec):
     px2_per_m2: Annotated[Positive, Field(description="a number above 0, in px²/m²")] = 1.0
 
 
-ObjectSpec = one_of("kind", RectangleSpec, SphereSpec, BoxSpec)
+ObjectSpec = one_of("kind", RectangleSpec, SphereSpec, BoxSpec, MeshSpec)
 ProcessSpec = one_of("model", RandomWalkSpec, ConstantVelocitySpec, ConstantAccelerationSpec)
 
 
@@ -229,5 +258,6 @@ class SceneSpec(Spec):
     cameras: Annotated[tuple[Annotated[CameraSpec, Item], ...], Field(min_length=1)]
     markers: MarkersSpec
     objects: Annotated[tuple[Annotated[ObjectSpec, Item], ...], Field(min_length=1)]
+    backdrop: BackdropSpec | None = None
     process: ProcessSpec
     noise: NoiseSpec

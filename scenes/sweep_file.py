@@ -72,6 +72,9 @@ class SweepSpec(Spec):
     # A half of the trials judges what the other half chose.
     trials: Annotated[int, Field(strict=True, ge=2, description="a whole number, 2 or more")]
     seed: Annotated[int, Field(strict=True, ge=0, description="a whole number, 0 or more")]
+    render_noise_ratio: Annotated[
+        Number, Field(gt=0, le=10, description="a number above 0, at most 10: of the sensor's noise (σ)")
+    ] = 0.45
     active: Names | None = Field(None, description="a list of one or more names of cameras")
     vary: one_of("parameter", SettingSpec, SelectionSpec)
 
@@ -96,6 +99,7 @@ class SweepFile:
         title: for figures.
         scene_path: of the scene file.
         trials: noisy captures of each view.
+        render_noise_ratio: bound on a view's sampling noise at the edges of markers, in units of the sensor's noise.
         seed: of the run.
     """
 
@@ -104,6 +108,7 @@ class SweepFile:
     title: str
     scene_path: Path
     trials: int
+    render_noise_ratio: float
     seed: int
     _spec: SweepSpec = dataclasses.field(repr=False)
     _document: dict[str, Any] = dataclasses.field(repr=False, compare=False)
@@ -150,6 +155,7 @@ def load_sweep(path_or_name: str | Path, overrides: Iterable[str] = ()) -> Sweep
         title=spec.title,
         scene_path=Path(os.path.normpath(path.parent / spec.scene)),
         trials=spec.trials,
+        render_noise_ratio=spec.render_noise_ratio,
         seed=spec.seed,
         _spec=spec,
         _document=problems.document,

@@ -6,14 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from pss import ImageSensor
 from render.markers import pattern
-from render.sensor import Sensor
 
 Floats = NDArray[np.float64]
 
 SUPERSAMPLES = 12
 DICTIONARY = "DICT_4X4_100"
-SENSOR = Sensor(550.0, 0.5, 4.0, 10000.0, 6.0, 12, 64)
+SENSOR = ImageSensor(550.0, 0.5, 4.0, 10000.0, 6.0, 12, 64)
 
 
 def homography(px_per_module: float, centre_px: tuple[float, float], angle_deg: float, squeeze: float, skew: float):

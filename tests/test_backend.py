@@ -16,7 +16,7 @@ import pytest
 from pss import MissingLibraryError, RangeError
 from render import backend
 from render.sampling import Sampling
-from render.sensor import expected_electrons, noise_electrons
+from render.sensor import expected_electrons
 from tests.views import window
 
 pytestmark = pytest.mark.render
@@ -172,7 +172,7 @@ def test_scalar_renders_the_same_view(room, room_store, room_renderer, tmp_path)
     llvm = room_renderer.render(room_renderer.request(camera, room.sensor, Sampling()))
     with np.load(arguments[-1]) as scalar:
         electrons = expected_electrons(np.ones(llvm.radiance.shape), camera, room.sensor)
-        sigma = noise_electrons(llvm.radiance * electrons, room.sensor) / electrons
+        sigma = room.sensor.noise_electrons(llvm.radiance * electrons) / electrons
         difference = scalar["radiance"] - llvm.radiance
         rms = float(np.sqrt(((difference / sigma) ** 2).mean()))
         stated = float(np.hypot(scalar["image_rms"], llvm.certificate.image_rms))

@@ -9,10 +9,9 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from pss import PSSError, PTZCamera
+from pss import ImageSensor, PSSError, PTZCamera
 from render.exr import ImageFileError, read_certificate, read_view, write_view
 from render.sampling import Sampling
-from render.sensor import Sensor
 from render.state import Light, MarkerPrint, Room, SceneState
 from render.view import RENDER_VERSION, Certificate, RenderedView, ViewRequest
 
@@ -28,7 +27,7 @@ def request_and_view() -> tuple[ViewRequest, RenderedView]:
     camera = PTZCamera(
         (0.1, -1 / 3, 2.8), 123.456789012345, -20.1, np.pi, focus_distance_m=3.3, resolution=(WIDTH, HEIGHT), name="4"
     )
-    sensor = Sensor(550.0, 0.5, 4.0, 10_000.0, 6.0, 16, 64)
+    sensor = ImageSensor(550.0, 0.5, 4.0, 10_000.0, 6.0, 16, 64)
     state = SceneState(
         Room(6.0, 6.0, 3.0, 0.5, 0.5, 0.5), Light(0.2, ()), (), (), MarkerPrint("DICT_4X4_100", 1.0, 0.85, 0.04)
     )

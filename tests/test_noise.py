@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
-from pss import NOISE_MODELS, NoiseModel, PSSError, PTZCamera, RangeError, noise_model
+from pss import NOISE_MODELS, Appearance, NoiseModel, PSSError, PTZCamera, RangeError, noise_model
 from pss.noise import (
     DEFAULT_CCD_NOISE,
     SMALLEST_COS_INCIDENCE,
     Defocus,
     DistanceIncidence,
     IdentityNoise,
+    PixelCovariance,
     Resolution,
 )
 
@@ -20,12 +21,18 @@ SAME_TO_ROUNDING = 1e-12
 CAMERA = PTZCamera((0, 0, 0), 0, 0, resolution=(1000, 800), pixel_pitch_m=1e-5, focus_distance_m=2, f_number=2)
 # A 3-4-5 triangle: D = 5 m, depth 4 m, cos θ = 0.8; the second normal is turned to cos α = 1, the first has 0.8.
 POINTS = np.array([[3.0, 4.0, 0.0], [3.0, 4.0, 0.0]])
+APPEARANCE = Appearance(module_m=0.02, white_w_per_m2_sr=0.05, black_w_per_m2_sr=0.005)
 NORMALS = np.array([[0.0, -1.0, 0.0], [-0.6, -0.8, 0.0]])
 FACTORS = ("distance-incidence", "resolution", "defocus")
 
 
+def alone(factor) -> NoiseModel:
+    """A model of one factor, with the convenience of looking at one camera."""
+    return NoiseModel("alone", (factor,))
+
+
 def diagonal(factor) -> np.ndarray:
-    covariance = factor.covariance(CAMERA, POINTS, NORMALS)
+    covariance = alone(factor).covariance(CAMERA, POINTS, NORMALS)
     assert covariance.shape == (2, 2, 2)
     np.testing.assert_array_equal(covariance[:, [0, 1], [1, 0]], 0)
     return covariance[:, [0, 1], [0, 1]]
@@ -48,7 +55,7 @@ def test_printed_and_corrected_disagree_about_the_direction():
     normals = np.column_stack([np.sin(turned), -np.cos(turned), np.zeros(5)])
     points = np.tile([0.0, 2.0, 0.0], (5, 1))
     printed, corrected = (
-        DistanceIncidence(corrected=c).covariance(CAMERA, points, normals)[:, 0, 0] for c in (False, True)
+        alone(DistanceIncidence(corrected=c)).covariance(CAMERA, points, normals)[:, 0, 0] for c in (False, True)
     )
     assert (np.diff(printed) < 0).all()
     assert (np.diff(corrected) > 0).all()
@@ -62,7 +69,7 @@ def test_only_the_corrected_model_is_bounded_at_grazing_incidence():
         # the direction to the camera, (−0.6, −0.8), and the one across it
         normal = cosine * np.array([[-0.6, -0.8, 0.0]]) + sine * np.array([[-0.8, 0.6, 0.0]])
         for factor, expected in ((DistanceIncidence(), 25 * cosine), (DistanceIncidence(corrected=True), corrected)):
-            covariance = factor.covariance(CAMERA, POINTS[:1], normal)
+            covariance = alone(factor).covariance(CAMERA, POINTS[:1], normal)
             np.testing.assert_allclose(covariance[0], expected * np.eye(2), rtol=1e-9)
 
 
@@ -74,7 +81,7 @@ def test_equations_12_and_13_by_hand():
 def test_equations_14_and_15_by_hand():
     """cc = a·f_px/d·|z − d|/z = 125/401 px at a depth of 4 m, though the range is 5 m."""
     np.testing.assert_allclose(diagonal(Defocus()), [[(125 / 401) ** 2] * 2] * 2, rtol=SAME_TO_ROUNDING)
-    in_focus = Defocus().covariance(CAMERA, np.array([[0.0, 2.0, 0.0]]), NORMALS[:1])
+    in_focus = alone(Defocus()).covariance(CAMERA, np.array([[0.0, 2.0, 0.0]]), NORMALS[:1])
     np.testing.assert_allclose(in_focus, 0, atol=1e-20)
 
 
@@ -95,15 +102,17 @@ def test_a_model_is_the_sum_of_its_factors_by_hand(name, first):
 @pytest.mark.parametrize("name", ["as-printed", "corrected"])
 def test_every_factor_can_be_switched_off_and_what_is_left_adds_up(name):
     whole = noise_model(name)
-    alone = {kept: noise_model(name, switched_off=[factor for factor in FACTORS if factor != kept]) for kept in FACTORS}
-    for kept, model in alone.items():
+    single = {
+        kept: noise_model(name, switched_off=[factor for factor in FACTORS if factor != kept]) for kept in FACTORS
+    }
+    for kept, model in single.items():
         assert [factor.name for factor in model.factors] == [kept]
-    parts = sum(model.covariance(CAMERA, POINTS, NORMALS) for model in alone.values())
+    parts = sum(model.covariance(CAMERA, POINTS, NORMALS) for model in single.values())
     total = whole.covariance(CAMERA, POINTS, NORMALS)
     np.testing.assert_allclose(total, parts, rtol=SAME_TO_ROUNDING)
     for off in FACTORS:
         without = whole.without(off)
-        rest = total - alone[off].covariance(CAMERA, POINTS, NORMALS)
+        rest = total - single[off].covariance(CAMERA, POINTS, NORMALS)
         np.testing.assert_allclose(without.covariance(CAMERA, POINTS, NORMALS), rest, rtol=1e-9, atol=1e-12)
         assert without.name == f"{name} without {off}"
 
@@ -111,7 +120,7 @@ def test_every_factor_can_be_switched_off_and_what_is_left_adds_up(name):
 def test_a_wide_sensor_makes_the_noise_anisotropic_and_a_square_one_does_not():
     for resolution, ratio in (((1000, 800), 1.25), ((800, 1000), 0.8), ((900, 900), 1.0)):
         camera = PTZCamera((0, 0, 0), 0, 0, resolution=resolution)
-        covariance = Resolution().covariance(camera, POINTS, NORMALS)
+        covariance = alone(Resolution()).covariance(camera, POINTS, NORMALS)
         np.testing.assert_allclose(covariance[:, 0, 0] / covariance[:, 1, 1], ratio**2, rtol=SAME_TO_ROUNDING)
         others = noise_model("as-printed").without("resolution").covariance(camera, POINTS, NORMALS)
         np.testing.assert_array_equal(others[:, 0, 0], others[:, 1, 1])
@@ -123,7 +132,7 @@ def test_every_model_gives_positive_definite_covariances_for_any_number_of_point
     points = rng.uniform((-2, 0.5, -2), (2, 9, 2), (200, 3))
     normals = -points / np.linalg.norm(points, axis=1, keepdims=True)
     for count in (0, 1, 200):
-        covariance = noise_model(name).covariance(CAMERA, points[:count], normals[:count])
+        covariance = noise_model(name).covariance(CAMERA, points[:count], normals[:count], APPEARANCE)
         assert covariance.shape == (count, 2, 2)
         assert (np.linalg.eigvalsh(covariance) > 0).all()
 
@@ -132,8 +141,8 @@ def test_a_users_own_factor_fits_in():
     class Flicker:
         name = "flicker"
 
-        def covariance(self, camera, points_m, normals):
-            return np.broadcast_to(np.diag([4.0, 9.0]), (len(points_m), 2, 2))
+        def covariance(self, views):
+            return PixelCovariance.from_matrix(np.diag([4.0, 9.0]))
 
     model = NoiseModel("mine", (Resolution(0.001), Flicker()))
     np.testing.assert_allclose(model.covariance(CAMERA, POINTS, NORMALS)[0], np.diag([4.64, 9.4096]))

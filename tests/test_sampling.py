@@ -11,7 +11,7 @@ import scipy.stats
 
 from render import lens
 from render.sampling import Sampling, pixel_means, sample_image, sobol_net
-from render.sensor import expected_electrons, noise_electrons
+from render.sensor import expected_electrons
 from tests.views import window
 
 pytestmark = pytest.mark.render
@@ -58,7 +58,7 @@ class Study:
 
     def noise(self, radiance: np.ndarray) -> np.ndarray:
         """W/(m² sr), σ of one capture."""
-        return (noise_electrons(radiance * self.electrons, self.sensor) / self.electrons).astype(np.float32)
+        return (self.sensor.noise_electrons(radiance * self.electrons) / self.electrons).astype(np.float32)
 
     def render(self, sampling: Sampling, seed: int):
         return sample_image(self.sampler, self.camera.resolution, self.noise, sampling, np.random.default_rng(seed))

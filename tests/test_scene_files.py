@@ -59,7 +59,7 @@ def test_the_shipped_room_is_the_papers(room):
     assert sorted(marker.id for marker in room.state.markers) == list(range(84))
     assert [camera.name for camera in room.cameras] == list("1234567")
     assert [item.shape.name for item in room.state.objects] == ["board", "ball", "plinth"]
-    assert [model.name for model in room.noise_models] == ["as-printed", "corrected"]
+    assert [model.name for model in room.noise_models] == ["as-printed", "corrected", "physical"]
     assert room.process == RandomWalk(step_std_m=1e-3)
     assert (room.state.room.width_m, room.state.light.panels[1].centre_m) == (6.0, (1.4, 1.2))
 
@@ -83,8 +83,10 @@ def test_an_unknown_camera_is_named_with_those_there_are(room):
         room.camera("8")
 
 
-@pytest.mark.parametrize(("name", "count"), [("zoom", 12), ("zoom-of-three", 12), ("focus", 12), ("selection", 6)])
-def test_the_shipped_sweeps_fit_the_shipped_room(name, count, monkeypatch, tmp_path):
+@pytest.mark.parametrize(
+    ("name", "count"), [("zoom", 12), ("zoom-of-three", 12), ("focus", 12), ("selection", 6), ("workshop", 5)]
+)
+def test_the_shipped_sweeps_fit_the_shipped_scenes(name, count, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)  # names don't depend on where the command runs
     sweep = load_sweep(name)
     assert (sweep.name, sweep.trials) == (name, 20)
@@ -117,6 +119,18 @@ def test_a_camera_more_by_pan_and_tilt(tmp_path):
     )
     camera = load_scene(write(tmp_path, text)).camera("door")
     assert (camera.pan_deg, camera.tilt_deg, camera.f_number) == (-45, -10, 4)
+
+
+def test_the_lens_of_a_scene_is_that_of_all_its_cameras(tmp_path):
+    """Distortion, blur in focus and blades are the lens's; the shipped room has a plain one."""
+    keys = "fov_deg = 90.0\nradial_distortion = [-0.1, 0.02]\npsf_sigma_um = 1.5\naperture_blades = 6"
+    for text, expected in (
+        (ROOM, ((0.0, 0.0), 0.0, 0)),
+        (changed(ROOM, ("fov_deg = 90.0", keys)), ((-0.1, 0.02), 1.5, 6)),
+    ):
+        (tmp_path / "lens.toml").write_text(text)
+        for camera in load_scene(tmp_path / "lens.toml").cameras:
+            assert (camera.radial_distortion, camera.psf_sigma_um, camera.aperture_blades) == expected
 
 
 def test_a_wide_sensor(tmp_path):
@@ -311,6 +325,19 @@ BROKEN = {
     "no dark noise": ([("read_noise_e = 6.0", "read_noise_e = 0.0")], "sensor.read_noise_e", "0.0", "above 0"),
     "efficiency": ([("efficiency = 0.5", "efficiency = 1.5")], "sensor.quantum_efficiency", "1.5", "at most 1"),
     "no resolution": ([("[1280, 960]", "[1280, 0]")], "sensor.resolution_px", "[1280, 0]", "16 to 20000"),
+    "blades": (
+        [("fov_deg = 90.0", "fov_deg = 90.0\naperture_blades = 2")],
+        "lens.aperture_blades",
+        "2",
+        "from 3 to 32",
+    ),
+    "distortion folds": (
+        [("fov_deg = 90.0", "fov_deg = 90.0\nradial_distortion = [-3.0, 0.0]")],
+        "lens.radial_distortion",
+        "[-3.0, 0.0]",
+        "all of the sensor",
+    ),
+    "psf": ([("fov_deg = 90.0", "fov_deg = 90.0\npsf_sigma_um = -1")], "lens.psf_sigma_um", "-1", "0 or more"),
     "field of view": ([("fov_deg = 90.0", "fov_deg = 180")], "lens.widest_fov_deg", "180", "below 180"),
     "dictionary": ([("DICT_4X4_100", "DICT_4X4_99")], "markers.dictionary", '"DICT_4X4_99"', "DICT_4X4_100"),
     "id twice": ([("first_id = 48", "first_id = 40")], "objects.ball.markers.first_id", "40", '40 to 47 already'),
@@ -338,8 +365,18 @@ BROKEN = {
     ),
     "process": ([('"random-walk"', '"brownian"')], "process.model", '"brownian"', "random-walk, constant-velocity"),
     "noise model": ([('"corrected"', '"korrect"')], "noise.models", "…", "as-printed, corrected"),
-    "noise model twice": ([('"corrected"', '"as-printed"')], "noise.models", '["as-printed", "as-printed"]', "once"),
-    "no noise model": ([('["as-printed", "corrected"]', "[]")], "noise.models", "[]", "one or more of as-printed"),
+    "noise model twice": (
+        [('"corrected"', '"as-printed"')],
+        "noise.models",
+        '["as-printed", "as-printed", "physical"]',
+        "once",
+    ),
+    "no noise model": (
+        [('["as-printed", "corrected", "physical"]', "[]")],
+        "noise.models",
+        "[]",
+        "one or more of as-printed",
+    ),
     "factor": ([("off = []", 'off = ["blur"]')], "noise.switched_off", '["blur"]', "distance-incidence, resolution"),
     "all factors off": (
         [("off = []", 'off = ["distance-incidence", "resolution", "defocus"]')],

@@ -8,11 +8,13 @@ import pytest
 import scipy.constants
 import scipy.stats
 
-from pss import PSSError, PTZCamera, RangeError
-from render.sensor import Sensor, capture, expected_electrons, noise_electrons, relative_illumination
+from pss import ImageSensor, PSSError, PTZCamera, RangeError
+from render.sensor import capture, expected_electrons, relative_illumination
 
 # Relative; a few roundings in double precision.
 SAME_TO_ROUNDING = 1e-12
+# Relative, of the light that captures show at an angle against cos⁴ θ. The rings' own noise is a tenth of it.
+FALL_OFF = 0.02
 # Chance that a family of Z-tests fails by itself; it is shared out among its members (Šidák). Seeds are fixed, so that
 # a pass stays a pass.
 FAMILY_WISE = 1e-3
@@ -21,7 +23,7 @@ PIXELS = 90_000
 # Electrons from darkness to three quarters of the full well, where nothing is clipped.
 LEVELS_E = np.array([0.0, 3.0, 30.0, 150.0, 700.0, 2500.0, 5000.0, 7500.0])
 
-SENSOR = Sensor(
+SENSOR = ImageSensor(
     wavelength_nm=550.0,
     quantum_efficiency=0.5,
     exposure_ms=4.0,
@@ -40,7 +42,7 @@ def largest_z(family: int) -> float:
     return float(scipy.stats.norm.isf(alone / 2))
 
 
-def capture_at(level_e: float, sensor: Sensor = SENSOR, seed: int = 0, pixels: int = PIXELS) -> np.ndarray:
+def capture_at(level_e: float, sensor: ImageSensor = SENSOR, seed: int = 0, pixels: int = PIXELS) -> np.ndarray:
     """Digital numbers above the black level."""
     rng = np.random.default_rng(np.random.SeedSequence([20, seed]))
     return capture(np.full((1, pixels), level_e), sensor, rng).astype(float) - sensor.black_level_dn
@@ -84,11 +86,31 @@ def test_the_corner_of_a_right_angle_lens_gets_a_quarter_at_its_sides():
     assert light[1, 0] > 0.25
 
 
+def test_captures_of_a_white_wall_fall_off_as_the_fourth_power_of_the_cosine():
+    """Rings of equal θ, 0° to 50° of a 90° lens, in noisy captures: their mean over the middle's is cos⁴ θ."""
+    camera = PTZCamera((0, 0, 0), 0, 0, zoom=1, resolution=(400, 300))
+    electrons = expected_electrons(np.full((300, 400), 0.25), camera, SENSOR)
+    assert electrons.max() < 0.9 * SENSOR.full_well_e
+    # The angle by another route than the code's: from the rays of the camera matrix.
+    v, u = np.mgrid[:300, :400]
+    rays = np.stack([u, v, np.ones_like(u)], axis=-1) @ np.linalg.inv(camera.intrinsic_matrix).T
+    angle_deg = np.degrees(np.arctan(np.hypot(rays[..., 0], rays[..., 1])))
+    ring = (angle_deg // 5).astype(int)
+    frames = [capture(electrons, SENSOR, np.random.default_rng(seed)) for seed in range(4)]
+    signal = np.mean(frames, axis=0) - SENSOR.black_level_dn
+    shown = np.array([signal[ring == number].mean() for number in range(10)])
+    law = np.array([(np.cos(np.radians(angle_deg[ring == number])) ** 4).mean() for number in range(10)])
+    noise = [signal[ring == number].std() / math.sqrt((ring == number).sum()) for number in range(10)]
+    assert (np.array(noise) < FALL_OFF / 10 * shown).all()
+    np.testing.assert_allclose(shown / shown[0], law / law[0], rtol=FALL_OFF)
+    assert law[-1] / law[0] < 0.25
+
+
 def test_exposure_follows_aperture_and_image_distance():
     """(a/v)²: twice the f-number a quarter of the light; focusing near shortens f and a at a fixed v and darkens."""
     radiance = np.full((800, 1000), 0.1)
 
-    def on_axis(camera: PTZCamera, sensor: Sensor = SENSOR) -> float:
+    def on_axis(camera: PTZCamera, sensor: ImageSensor = SENSOR) -> float:
         return float(expected_electrons(radiance, camera, sensor)[400, 500])
 
     reference = on_axis(CAMERA)
@@ -116,7 +138,7 @@ def test_properties_by_hand():
     assert SENSOR.ccd_noise == pytest.approx(6e-4, rel=SAME_TO_ROUNDING)
     gain = 10_000 / 4031
     np.testing.assert_allclose(
-        noise_electrons(np.array([0.0, 100.0, -5.0]), SENSOR),
+        SENSOR.noise_electrons(np.array([0.0, 100.0, -5.0])),
         np.sqrt([36 + gain**2 / 12, 136 + gain**2 / 12, 36 + gain**2 / 12]),
         rtol=SAME_TO_ROUNDING,
     )
@@ -131,7 +153,7 @@ def test_captures_have_the_mean_and_the_variance_that_noise_electrons_says(bits)
     gain, bound = sensor.gain_e_per_dn, largest_z(2 * len(LEVELS_E))
     for seed, level in enumerate(LEVELS_E):
         numbers = capture_at(level, sensor, seed=bits * 100 + seed) * gain
-        sigma = float(noise_electrons(np.array(level), sensor))
+        sigma = float(sensor.noise_electrons(np.array(level)))
         z_mean = (numbers.mean() - level) / (sigma / math.sqrt(PIXELS))
         # Var(s²) = σ⁴ (2 + excess kurtosis)/n, with the Poisson part's fourth cumulant equal to its mean.
         kurtosis = level / sigma**4
@@ -219,10 +241,19 @@ def test_a_capture_is_a_function_of_its_generator():
         ("bits", 17, "8 to 16"),
         ("black_level_dn", -1, "0 to 4094"),
         ("black_level_dn", 4095, "0 to 4094"),
+        ("dark_current_e_per_s", -1.0, "0 or more"),
+        ("dark_current_e_per_s", math.inf, "0 or more"),
+        ("prnu_share", -0.01, "0 to 0.2"),
+        ("prnu_share", 0.21, "0 to 0.2"),
+        ("prnu_share", math.nan, "0 to 0.2"),
+        ("dsnu_e", -1.0, "0 or more"),
+        ("dsnu_e", math.nan, "0 or more"),
+        ("system_gain_dn_per_e", 0.0, "above 0, or None"),
+        ("system_gain_dn_per_e", math.inf, "above 0, or None"),
     ],
 )
 def test_a_value_out_of_range_is_named_with_what_is_allowed(field, value, allowed):
     with pytest.raises(RangeError) as caught:
         dataclasses.replace(SENSOR, **{field: value})
-    assert f"Sensor.{field} = {value!r}; allowed: {allowed}" == str(caught.value)
+    assert f"ImageSensor.{field} = {value!r}; allowed: {allowed}" == str(caught.value)
     assert isinstance(caught.value, PSSError)

@@ -4,10 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
-from pss import Box, PSSError, RangeError, Rectangle, ShapeError, Sphere
-from pss.surrogates import any_blocks
+from pss import Box, GeometryError, PSSError, RangeError, Rectangle, ShapeError, Sphere
+from pss.surrogates import Capsule, Cylinder, any_blocks
 
 # Relative to sizes of about one metre; a few roundings.
 SAME_TO_ROUNDING = 1e-12
@@ -24,6 +26,8 @@ SPIRAL_UNEVENNESS = 0.1
 
 SPHERE = Sphere("ball", (0.2, -0.3, 0.5), 0.6)
 BOX = Box("box", (-0.5, -0.2, 0.1), (0.4, 0.7, 0.6))
+CYLINDER = Cylinder("tin", (0.1, 0.2, -0.1), 0.5, 1.1)
+CAPSULE = Capsule("limb", (-0.4, 0.3, -0.5), (0.5, -0.1, 0.6), 0.4)
 BOARD = Rectangle("board", (0.1, 0.2, 0.4), 1.4, 0.9, facing_deg=35, elevation_deg=20)
 
 
@@ -33,14 +37,21 @@ def random_segments(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
     return rng.uniform(-1.5, 1.5, (count, 3)), rng.uniform(-1.5, 1.5, (count, 3))
 
 
-def depth_inside(shape: Sphere | Box, points: np.ndarray) -> np.ndarray:
+def depth_inside(shape: Sphere | Box | Cylinder | Capsule, points: np.ndarray) -> np.ndarray:
     """Metres inside the shape, negative outside (a lower bound there); shape (...)."""
+    if isinstance(shape, Cylinder):
+        x, y, z = np.moveaxis(points - np.array(shape.centre_m), -1, 0)
+        return np.minimum(shape.radius_m - np.hypot(x, y), shape.height_m / 2 - np.abs(z))
+    if isinstance(shape, Capsule):
+        start, end = np.array(shape.start_m), np.array(shape.end_m)
+        share = np.clip((points - start) @ (end - start) / ((end - start) @ (end - start)), 0, 1)
+        return shape.radius_m - np.linalg.norm(points - start - share[..., None] * (end - start), axis=-1)
     if isinstance(shape, Sphere):
         return shape.radius_m - np.linalg.norm(points - np.array(shape.centre_m), axis=-1)
     return np.minimum(points - np.array(shape.lowest_m), np.array(shape.highest_m) - points).min(axis=-1)
 
 
-@pytest.mark.parametrize("shape", [SPHERE, BOX], ids=lambda shape: shape.name)
+@pytest.mark.parametrize("shape", [SPHERE, BOX, CYLINDER, CAPSULE], ids=lambda shape: shape.name)
 def test_solids_block_what_walks_through_them(shape):
     starts, ends = random_segments(1500, 1)
     steps = (np.arange(STEPS) + 0.5) / STEPS
@@ -81,11 +92,73 @@ def test_a_board_blocks_what_solves_for_a_place_on_it():
         ((0, 0, 3), (0, 0, 1), False),  # ends on the surface: open segments
     ],
 )
-@pytest.mark.parametrize("shape", [Sphere("ball", (0, 0, 0), 1.0), Box("box", (-1, -1, -1), (1, 1, 1))])
+@pytest.mark.parametrize(
+    "shape",
+    [
+        Sphere("ball", (0, 0, 0), 1.0),
+        Box("box", (-1, -1, -1), (1, 1, 1)),
+        Cylinder("tin", (0, 0, 0), 1.0, 2.0),
+        Capsule("upright", (0, 0, -0.5), (0, 0, 0.5), 0.5),
+    ],
+    ids=lambda shape: shape.name,
+)
 def test_segments_are_open_and_end_where_they_end(shape, start, end, blocked):
     start, end = np.array(start, dtype=float), np.array(end, dtype=float)
     assert shape.blocks(start, end) == blocked
     assert shape.blocks(end, start) == blocked
+
+
+@pytest.mark.parametrize(
+    ("start", "end", "blocked"),
+    [
+        ((0.9, 0, 3), (0.9, 0, -3), True),  # along the axis, inside the rim
+        ((1.1, 0, 3), (1.1, 0, -3), False),  # … and outside it
+        ((0.8, 0.7, 3), (0.8, 0.7, -3), False),  # in the bounding box, outside the round
+        ((0.9, 0, 3), (0.9, 0, 1.001), False),
+        ((0, 0.1, 0), (0, 0.1, 5), True),  # starts inside, out by the cap
+        ((0, 0.1, 0), (5, 0.1, 0.5), True),  # … and by the side
+        ((-3, 0.99, 0), (3, 0.99, 0), True),  # level, through the side
+        ((-3, 1.01, 0), (3, 1.01, 0), False),
+        ((-3, 0, 0.9), (3, 0, 1.3), False),  # over the nearer edge of the cap
+        ((-3, 0, 1.3), (0.5, 0, 0.95), True),  # down through the cap
+    ],
+)
+def test_a_cylinder_by_hand(start, end, blocked):
+    start, end, shape = np.array(start, dtype=float), np.array(end, dtype=float), Cylinder("tin", (0, 0, 0), 1.0, 2.0)
+    assert shape.blocks(start, end) == blocked
+    assert shape.blocks(end, start) == blocked
+
+
+def test_a_long_capsule_is_as_wide_up_to_its_ends():
+    capsule = Capsule("rod", (-10, 0, 0), (10, 0, 0), 0.5)
+    x, blocked = np.array([0, 9.6, 9.99, 10.15, 10.25, -9.6, -10.25]), [True, True, True, True, False, True, False]
+    starts = np.column_stack([x, np.full(7, 0.45), np.full(7, -3.0)])
+    np.testing.assert_array_equal(capsule.blocks(starts, starts * [1, 1, -1]), blocked)
+
+
+COORDINATE = st.floats(-2, 2, allow_subnormal=True)
+PLACE = st.tuples(COORDINATE, COORDINATE, COORDINATE).map(np.array)
+
+
+@given(start=PLACE, way=PLACE, exponent=st.integers(-320, 0), axes=st.lists(st.booleans(), min_size=3, max_size=3))
+def test_the_shortest_and_the_axis_parallel_segments_are_where_they_start(start, way, exponent, axes):
+    """A segment too short to leave is inside or outside as its start is; components may be zero, or nearly."""
+    way = np.where(axes, way, 0.0) * 10.0**exponent
+    for shape in (SPHERE, BOX, CYLINDER, CAPSULE):
+        depth = depth_inside(shape, start)
+        if abs(depth) > SAME_TO_ROUNDING + 2 * np.abs(way).sum():
+            assert shape.blocks(start, start + way) == (depth > 0), shape.name
+
+
+def test_a_capsule_is_the_same_in_any_direction():
+    """Turned together, capsule and segments: the answer stays, for axis-parallel directions too."""
+    starts, ends = random_segments(2000, 4)
+    upright = Capsule("limb", (0.0, 0.0, -0.5), (0.0, 0.0, 0.5), 0.4)
+    expected = upright.blocks(starts, ends)
+    assert 0.1 < expected.mean() < 0.9
+    for order in ((1, 2, 0), (2, 0, 1)):
+        turned = Capsule("limb", tuple(np.take(upright.start_m, order)), tuple(np.take(upright.end_m, order)), 0.4)
+        np.testing.assert_array_equal(turned.blocks(starts[:, order], ends[:, order]), expected)
 
 
 def test_a_board_by_hand():
@@ -99,7 +172,7 @@ def test_a_board_by_hand():
 
 def test_any_of_several_shapes_blocks():
     starts, ends = random_segments(500, 3)
-    shapes = (SPHERE, BOX, BOARD)
+    shapes = (SPHERE, BOX, BOARD, CYLINDER, CAPSULE)
     one_by_one = np.array([shape.blocks(starts, ends) for shape in shapes])
     np.testing.assert_array_equal(any_blocks(shapes, starts, ends), one_by_one.any(axis=0))
     assert not any_blocks((), starts, ends).any()
@@ -185,6 +258,11 @@ def test_a_board_has_a_right_handed_frame_with_a_level_right(facing_deg, elevati
         (lambda: Rectangle("r", (0, 0, 0, 0), 1.0, 1.0), ShapeError, r"Rectangle\.centre_m has 4 numbers"),
         (lambda: Box("b", (0, 0, 0), (1, 1, 0)), RangeError, r"Box .*allowed: each of the first below the second"),
         (lambda: Box("b", (0, 0), (1, 1)), ShapeError, r"Box\.lowest_m has 2 numbers; allowed is 3"),
+        (lambda: Cylinder("c", (0, 0, 0), 0.0, 1.0), RangeError, r"Cylinder\.radius_m = 0\.0; allowed: above 0"),
+        (lambda: Cylinder("c", (0, 0, 0), 1.0, math.inf), RangeError, r"Cylinder\.height_m = inf"),
+        (lambda: Capsule("c", (0, 0), (0, 0, 1), 1.0), ShapeError, r"Capsule\.start_m has 2 numbers"),
+        (lambda: Capsule("c", (0, 0, 0), (0, 0, 1), -1.0), RangeError, r"Capsule\.radius_m = -1\.0"),
+        (lambda: Capsule("c", (0, 0, 1), (0, 0, 1), 1.0), GeometryError, r"start_m = end_m = .*allowed: two places"),
         (lambda: SPHERE.spiral(0), RangeError, "count = 0; allowed: 1 or more"),
         (lambda: SPHERE.spiral(5, highest_z=1.2), RangeError, "highest_z = 1.2; allowed: -1 to 1"),
         (lambda: SPHERE.spiral(5, 0.1, 0.2), RangeError, "lowest_z = 0.2.*the lowest below"),

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pss import Box, PTZCamera, Rectangle, Sphere
+from pss import Box, ImageSensor, PTZCamera, Rectangle, Sphere
+from pss.surrogates import Mesh
 from render.sampling import Sampling
-from render.sensor import Sensor
 from render.state import Light, Marker, MarkerPrint, Panel, Room, SceneObject, SceneState
 from render.view import ViewRequest, random_stream, state_key
 
@@ -22,6 +22,9 @@ OBJECTS = (
     SceneObject(Rectangle("board", (0.0, -1.0, 1.3), 2.4, 1.8), 0.5),
     SceneObject(Sphere("ball", (0.2, 0.1, 1.2), 0.4), 0.4),
     SceneObject(Box("plinth", (0.0, -0.1, 0.0), (0.4, 0.3, 0.8)), 0.3),
+    SceneObject(
+        Mesh("tent", np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]), np.array([(0, 1, 3), (0, 3, 2)])), 0.5
+    ),
 )
 STATE = SceneState(
     Room(6.0, 6.0, 3.0, 0.55, 0.25, 0.75),
@@ -31,7 +34,7 @@ STATE = SceneState(
     MarkerPrint("DICT_4X4_100", 1.0, 0.85, 0.04),
 )
 CAMERA = PTZCamera((0.0, 2.8, 2.8), 180.0, -20.0, zoom=3.0, focus_distance_m=3.8, name="4")
-SENSOR = Sensor(550.0, 0.5, 4.0, 10_000.0, 6.0, 12, 64)
+SENSOR = ImageSensor(550.0, 0.5, 4.0, 10_000.0, 6.0, 12, 64)
 REQUEST = ViewRequest(STATE, CAMERA, SENSOR, Sampling(), "mitsuba-3.9.0-llvm_ad_mono-llvm23")
 
 # Another value for every field but a camera's name: a new field without a line here fails the test.
@@ -46,6 +49,9 @@ OTHER_CAMERA = {
     "pixel_pitch_m": 4.6e-6,
     "max_zoom": 9.0,
     "widest_fov_deg": 89.0,
+    "radial_distortion": (0.01, 0.0),
+    "psf_sigma_um": 1.5,
+    "aperture_blades": 6,
 }
 OTHER_SENSOR = {
     "wavelength_nm": 551.0,
@@ -55,6 +61,10 @@ OTHER_SENSOR = {
     "read_noise_e": 6.5,
     "bits": 14,
     "black_level_dn": 65,
+    "dark_current_e_per_s": 1.0,
+    "prnu_share": 0.01,
+    "dsnu_e": 1.0,
+    "system_gain_dn_per_e": 0.41,
 }
 OTHER_SAMPLING = {"noise_ratio": 0.26, "pilot": 16, "fewest": 10, "most": 2048}
 OTHER_ROOM = {
@@ -82,6 +92,10 @@ OTHER_RECTANGLE = {
 }
 OTHER_SPHERE = {"centre_m": (0.2, 0.1, 1.3), "radius_m": 0.41}
 OTHER_BOX = {"lowest_m": (0.01, -0.1, 0.0), "highest_m": (0.4, 0.3, 0.81)}
+OTHER_MESH = {
+    "vertices_m": np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 1e-9, 1)]),
+    "faces": np.array([(0, 1, 3), (0, 2, 3)]),
+}
 OTHER_PRINT = {"dictionary": "DICT_5X5_100", "quiet_zone_modules": 0.9, "white_albedo": 0.8, "black_albedo": 0.05}
 
 
@@ -92,7 +106,7 @@ def changes(value: object, others: dict[str, object], but: tuple[str, ...] = ())
 
 
 def other_states() -> list[SceneState]:
-    board, ball, plinth = OBJECTS
+    board, ball, plinth, tent = OBJECTS
     light = STATE.light
     panel = light.panels[0]
     other_objects = [
@@ -100,10 +114,12 @@ def other_states() -> list[SceneState]:
         *(dataclasses.replace(board, shape=shape) for shape in changes(board.shape, OTHER_RECTANGLE, but=("name",))),
         *(dataclasses.replace(ball, shape=shape) for shape in changes(ball.shape, OTHER_SPHERE, but=("name",))),
         *(dataclasses.replace(plinth, shape=shape) for shape in changes(plinth.shape, OTHER_BOX, but=("name",))),
+        *(dataclasses.replace(tent, shape=shape) for shape in changes(tent.shape, OTHER_MESH, but=("name",))),
     ]
     other_lights = [
         Light(0.21, light.panels),
         Light(0.2, ()),
+        Light(0.2, (), 0.4),
         Light(0.2, light.panels * 2),
         Light(0.2, (dataclasses.replace(panel, centre_m=(1.1, 1.2)),)),
         Light(0.2, (dataclasses.replace(panel, size_m=(0.6, 1.1)),)),

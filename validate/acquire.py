@@ -14,9 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
+from pss import Appearance
 from render import backend, glow
 from render.exr import ImageFileError, read_certificate, write_view
-from render.light import solve_radiosity
+from render.light import solve_light
 from render.state import SceneState
 from render.view import Certificate, Renderer, ViewRequest, state_key
 from validate.measure import MeasureTask, ViewMeasurement, WorkerPool, load_measurement, measure
@@ -48,11 +49,13 @@ class Acquisition:
 class Acquired:
     """What came of the wanted views; keys are the views' hashes (`measured`: with seed and trials).
 
+    `appearances` says how the markers of each scene state look, by the state's hash, from its solved light;
     `failed` says why a view is missing; `rendered` and `measured_items` are what this run made itself.
     """
 
     measured: dict[Acquisition, ViewMeasurement] = field(default_factory=dict)
     certificates: dict[str, Certificate] = field(default_factory=dict)
+    appearances: dict[str, Appearance] = field(default_factory=dict)
     failed: dict[str, str] = field(default_factory=dict)
     render_seconds: dict[str, float] = field(default_factory=dict)
     rendered: int = 0
@@ -81,6 +84,8 @@ def acquire(
                 pool.stop()
                 raise
             pool.shutdown()
+    for state in {state_key(item.request.state): item.request.state for item in unique}.items():
+        acquired.appearances[state[0]] = glow.appearance(state[1], baked(state[1], store))
     for item in unique:
         if item.request.key in acquired.failed:
             continue
@@ -169,7 +174,7 @@ def baked(state: SceneState, store: Store) -> glow.GlowMeshes:
     path = store.light(state_key(state))
     arrays = store.load(path)
     if arrays is None:
-        meshes = glow.bake(state, solve_radiosity(state))
+        meshes = glow.bake(state, solve_light(state))
         store.save(path, {name: np.asarray(value) for name, value in vars(meshes).items()})
         return meshes
     return glow.GlowMeshes(**arrays)

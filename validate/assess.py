@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pss import Evaluation, PTZCamera, evaluate
-from pss.metric import largest_standard_deviation, root_trace
+from pss import Appearance, Evaluation, PTZCamera, evaluate
+from pss.covariances import largest_standard_deviation, root_trace
 from scenes import Scene
 from validate.errors3d import MeasuredErrors, measured_pss
 from validate.measure import ViewMeasurement
@@ -69,12 +69,18 @@ class Assessment:
     """(C, N), share of the trials in which each view detected each marker."""
 
 
-def predict(scene: Scene, cameras: Sequence[PTZCamera]) -> dict[str, Evaluation]:
+def predict(scene: Scene, cameras: Sequence[PTZCamera], appearance: Appearance | None = None) -> dict[str, Evaluation]:
     """The metric of a configuration, by the name of each of the scene's noise models."""
     state = scene.state
     return {
         model.name: evaluate(
-            cameras, state.points_m, state.normals, noise=model, process=scene.process, occluder=state.occluders
+            cameras,
+            state.points_m,
+            state.normals,
+            noise=model,
+            process=scene.process,
+            occluder=state.occluders,
+            appearance=appearance,
         )
         for model in scene.noise_models
     }
@@ -108,12 +114,16 @@ def measure_configuration(
 
 
 def assess(
-    scene: Scene, cameras: Sequence[PTZCamera], views: Sequence[ViewMeasurement], rng: np.random.Generator
+    scene: Scene,
+    cameras: Sequence[PTZCamera],
+    views: Sequence[ViewMeasurement],
+    rng: np.random.Generator,
+    appearance: Appearance | None = None,
 ) -> Assessment:
-    """Predict and measure one configuration."""
+    """Predict, from how the markers look in the scene's light, and measure one configuration."""
     return Assessment(
         tuple(cameras),
-        predict(scene, cameras),
+        predict(scene, cameras, appearance),
         measure_configuration(scene, cameras, views, rng),
         np.array([view.detected.mean(axis=0) for view in views]),
     )

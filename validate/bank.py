@@ -13,7 +13,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from pss import NoiseModel, evaluate
+from pss import Appearance, NoiseModel, evaluate_many
 from render.sampling import Sampling
 from render.view import ViewRequest
 from scenes import Scene, load_scene
@@ -40,6 +40,8 @@ GATE_OVERRIDES = (
     "sensor.pixel_pitch_um=9.3",
     "sensor.exposure_ms=8.0",
 )
+# Of the sampling's noise, as in the sweeps.
+GATE_NOISE_RATIO = 0.45
 # (camera, zoom, focus distance in m): each camera once focused on the scene and once well in front of it (circles of
 # confusion of 3 to 8 px), at zooms that show about the same part of it; two cameras a third time.
 GATE_VIEWS = (
@@ -74,7 +76,7 @@ def gate_bank(renderer: str) -> Bank:
     views = []
     for name, zoom, focus in GATE_VIEWS:
         camera = dataclasses.replace(scene.camera(name), zoom=zoom, focus_distance_m=focus)
-        request = ViewRequest(scene.state, camera, scene.sensor, Sampling(), renderer)
+        request = ViewRequest(scene.state, camera, scene.sensor, Sampling(noise_ratio=GATE_NOISE_RATIO), renderer)
         views.append(Acquisition(request, GATE_SEED, GATE_TRIALS))
     return Bank(scene, tuple(views))
 
@@ -92,17 +94,22 @@ def draw_configurations(
     return [possible[number] for number in np.sort(picked)]
 
 
-def predicted_points(bank: Bank, configurations: Sequence[tuple[int, ...]], model: NoiseModel) -> Floats:
+def predicted_points(
+    bank: Bank, configurations: Sequence[tuple[int, ...]], model: NoiseModel, appearance: Appearance | None = None
+) -> Floats:
     """1/m, (K, N), what each point adds to the predicted single-frame PSS; 0 where unobservable."""
     state = bank.scene.state
-    rows = []
-    for chosen in configurations:
-        cameras = [bank.views[view].request.camera for view in chosen]
-        evaluation = evaluate(
-            cameras, state.points_m, state.normals, noise=model, process=bank.scene.process, occluder=state.occluders
-        )
-        rows.append(np.nan_to_num(1 / evaluation.single_frame_sigma_m))
-    return np.array(rows)
+    cameras = [view.request.camera for view in bank.views]
+    evaluations = evaluate_many(
+        [[cameras[view] for view in chosen] for chosen in configurations],
+        state.points_m,
+        state.normals,
+        noise=model,
+        process=bank.scene.process,
+        occluder=state.occluders,
+        appearance=appearance,
+    )
+    return np.nan_to_num(1 / evaluations.single_frame_sigma_m)
 
 
 def measured_points(bank: Bank, configurations: Sequence[tuple[int, ...]], acquired: Acquired) -> Floats:

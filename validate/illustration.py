@@ -11,6 +11,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from numpy.typing import NDArray
 
 from pss import PTZCamera, Rectangle, Sphere
+from pss.surrogates import Mesh
 from render.geometry import plate_corners
 from render.state import Room
 from validate.sweep import SweepResult
@@ -20,6 +21,8 @@ __all__ = ["draw_configuration", "shared_colours"]
 Floats = NDArray[np.float64]
 
 PLATE_MODULES = 8.0
+# Of a finer mesh every so many faces are drawn.
+MOST_FACES_DRAWN = 2000
 VARIED, OTHER, IDLE = "#D55E00", "#0072B2", "0.7"
 
 
@@ -79,6 +82,9 @@ def _objects(axes: Axes3D, result: SweepResult) -> None:
             centre = np.array(shape.centre_m)
             corners = [centre - right - up, centre + right - up, centre + right + up, centre - right + up]
             axes.add_collection3d(Poly3DCollection([corners], facecolors="0.93", edgecolors="0.6", linewidths=0.6))
+        elif isinstance(shape, Mesh):
+            faces = shape.corners_m[:: -(-len(shape.faces) // MOST_FACES_DRAWN)]
+            axes.add_collection3d(Poly3DCollection(faces, facecolors="0.93", edgecolors="0.6", linewidths=0.2))
         elif isinstance(shape, Sphere):
             u, v = np.mgrid[0 : 2 * np.pi : 25j, 0 : np.pi : 13j]
             x, y, z = shape.centre_m

@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pss import ImageSensor
 from render.markers import pattern
-from render.sensor import Sensor
 
 __all__ = ["Localised", "localise"]
 
@@ -95,7 +95,7 @@ def _fields(size: int) -> NDArray[np.float32]:
 
 
 def localise(
-    capture_dn: NDArray[np.uint16], corners_px: Floats, marker_id: int, dictionary: str, sensor: Sensor
+    capture_dn: NDArray[np.uint16], corners_px: Floats, marker_id: int, dictionary: str, sensor: ImageSensor
 ) -> Localised | None:
     """Register one decoded marker; None where the registration fails.
 
@@ -196,7 +196,7 @@ def _apply(warp: Floats, size: int) -> Floats:
     return np.array([x / w, y / w])
 
 
-def _covariance(seen: Floats, template: Floats, warp: Floats, sensor: Sensor) -> Floats | None:
+def _covariance(seen: Floats, template: Floats, warp: Floats, sensor: ImageSensor) -> Floats | None:
     """px², covariance (2, 2) of the centre, by the sandwich of an equally weighted fit under the capture's noise.
 
     Parameters of the fit: the eight of a homography about the template's centre, of which the first two move the

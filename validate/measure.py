@@ -21,8 +21,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pss import ImageSensor
 from render.exr import read_view
-from render.sensor import Sensor, capture
+from render.sensor import capture, fixed_pattern
 from render.view import random_stream
 from validate.detect import find_markers
 from validate.localise import localise
@@ -88,7 +89,7 @@ class MeasureTask:
 
 
 def measure_capture(
-    capture_dn: NDArray[np.uint16], dictionary: str, marker_ids: tuple[int, ...], sensor: Sensor
+    capture_dn: NDArray[np.uint16], dictionary: str, marker_ids: tuple[int, ...], sensor: ImageSensor
 ) -> tuple[Floats, Floats, int]:
     """Find and localise markers in one capture: pixels (N, 2), covariance (N, 2, 2), and the number of strangers."""
     pixels = np.full((len(marker_ids), 2), np.nan)
@@ -112,9 +113,11 @@ def measure(task: MeasureTask) -> Path:
     store = Store(task.store)
     view = read_view(store.view(task.view_key))
     electrons = view.expected_electrons()
+    pattern = fixed_pattern(view.camera, view.sensor)
     trials = []
     for trial in range(task.trials):
-        numbers = capture(electrons, view.sensor, random_stream(task.seed, task.view_key, "capture", trial))
+        rng = random_stream(task.seed, task.view_key, "capture", trial)
+        numbers = capture(electrons, view.sensor, rng, pattern)
         trials.append(measure_capture(numbers, task.dictionary, task.marker_ids, view.sensor))
     pixels, covariances, strangers = zip(*trials, strict=True)
     store.save(

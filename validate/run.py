@@ -60,6 +60,8 @@ def execute(options: Options, console: Console, errors: Console) -> int:
     chosen = backend.choose(options.variant)
     plans = _plans(options, chosen)
     console.print(str(chosen), markup=False)
+    for warning in dict.fromkeys(warning for each in plans for warning in each.scene.warnings):
+        errors.print(warning, markup=False, soft_wrap=True)
     store = Store(options.store)
     wanted = [item for each in plans for views in each.views for item in views]
     if options.dry_run:
@@ -87,9 +89,29 @@ def execute(options: Options, console: Console, errors: Console) -> int:
         f"{len(acquired.measured_items)} measured now) in {clock(seconds['total'])}; results in {options.folder}",
         markup=False,
     )
+    _warn_of_render_noise(wanted, acquired, errors)
     for key, cause in acquired.failed.items():
         errors.print(f"view {key} failed: {cause}", markup=False, style="red")
     return 1 if acquired.failed else 0
+
+
+def _warn_of_render_noise(wanted: Sequence[Acquisition], acquired: Acquired, errors: Console) -> None:
+    """Say aloud which views have more sampling noise than was asked."""
+    bounds = {item.request.key: item.request.sampling.noise_ratio for item in wanted}
+    missed = {
+        key: certificate.edge_p999
+        for key, certificate in acquired.certificates.items()
+        if not certificate.meets(bounds[key])
+    }
+    if missed:
+        worst = max(missed, key=lambda key: missed[key])
+        errors.print(
+            f"{len(missed)} of {len(bounds)} views have more sampling noise at the edges of markers than was asked; "
+            f"the worst is {worst}: {missed[worst]:.2f} of the sensor's noise, asked: {bounds[worst]:g} "
+            "(99.9th percentile)",
+            markup=False,
+            style="yellow",
+        )
 
 
 def _check(options: Options) -> None:
@@ -124,7 +146,7 @@ def _plans(options: Options, chosen: backend.Backend) -> list[Plan]:
         try:
             sweep = load_sweep(name, overrides)
             scene = load_scene(options.scene or sweep.scene_path, overrides)
-            plans.append(plan(sweep, scene, chosen.identity, Sampling()))
+            plans.append(plan(sweep, scene, chosen.identity, Sampling(noise_ratio=sweep.render_noise_ratio)))
         except SceneError as error:
             problems += [problem for problem in error.problems if problem not in problems]
     if problems:

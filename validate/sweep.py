@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.sampling import Sampling
-from render.view import ViewRequest, random_stream
+from render.view import ViewRequest, random_stream, state_key
 from scenes import Configuration, Scene, SweepFile
 from validate.acquire import Acquired, Acquisition
 from validate.assess import Assessment, assess
@@ -89,6 +89,7 @@ def plan(sweep: SweepFile, scene: Scene, renderer: str, sampling: Sampling) -> P
 def assess_sweep(plan: Plan, acquired: Acquired) -> SweepResult:
     """Predict and measure every configuration whose views exist."""
     kept, assessments, views, skipped = [], [], [], []
+    appearance = acquired.appearances.get(state_key(plan.scene.state))
     for configuration, wanted in zip(plan.configurations, plan.views, strict=True):
         failed = [acquired.failed[w.request.key] for w in wanted if w.request.key in acquired.failed]
         if failed:
@@ -100,7 +101,7 @@ def assess_sweep(plan: Plan, acquired: Acquired) -> SweepResult:
         rng = random_stream(plan.sweep.seed, keys, "filter")
         kept.append(configuration)
         views.append(wanted)
-        assessments.append(assess(plan.scene, configuration.cameras, measurements, rng))
+        assessments.append(assess(plan.scene, configuration.cameras, measurements, rng, appearance))
     return SweepResult(
         plan,
         tuple(kept),

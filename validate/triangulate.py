@@ -168,7 +168,9 @@ class _Bundle:
     def __init__(self, cameras: Sequence[PTZCamera], pixels: Floats, weight: Floats) -> None:
         self.cameras, self.pixels, self.weight = cameras, pixels, weight
         self.projection = [camera.projection_matrix for camera in cameras]
-        homogeneous = np.concatenate([pixels, np.ones_like(pixels[..., :1])], axis=-1)
+        # The linear start and the angles between rays are those of lenses without distortion.
+        self.straight = np.stack([camera.undistorted_px(of) for camera, of in zip(cameras, pixels, strict=True)])
+        homogeneous = np.concatenate([self.straight, np.ones_like(pixels[..., :1])], axis=-1)
         rays = homogeneous @ np.stack([np.linalg.inv(matrix[:, :3]).T for matrix in self.projection])
         self.rays = rays / np.linalg.norm(rays, axis=-1, keepdims=True)  # (C, M, 3), unit, world
         self.pairs = np.array(list(combinations(range(len(cameras)), 2)), dtype=int).reshape(-1, 2)
@@ -185,7 +187,7 @@ class _Bundle:
         for pair in np.unique(widest):
             rows = np.flatnonzero(widest == pair)
             a, b = self.pairs[pair]
-            pixels = (np.ascontiguousarray(self.pixels[view, item[rows]].T) for view in (a, b))
+            pixels = (np.ascontiguousarray(self.straight[view, item[rows]].T) for view in (a, b))
             x, y, z, w = cv2.triangulatePoints(self.projection[a], self.projection[b], *pixels)
             with np.errstate(divide="ignore", invalid="ignore"):  # parallel rays meet at infinity
                 points[rows] = (np.stack([x, y, z]) / w).T

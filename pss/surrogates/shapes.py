@@ -1,4 +1,4 @@
-"""Shapes: what is in the scene, where its points of interest lie, and what stands in the way of a line of sight.
+"""Flat shapes, boxes and balls: where their points of interest lie, and which lines of sight they stand in.
 
 Prediction and rendering read the same objects. A shape answers three questions: is it closed (so that only its outside
 is seen), does it block a segment, and which points with normals are spread evenly over it.
@@ -9,14 +9,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pss.errors import RangeError, ShapeError
+from pss.errors import RangeError
+from pss.surrogates._checks import check_count, check_place, check_positive
 
-__all__ = ["Box", "Rectangle", "Shape", "Sphere"]
+__all__ = ["GOLDEN_ANGLE", "Box", "Rectangle", "Shape", "Sphere", "any_blocks"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -32,26 +34,6 @@ class Shape(Protocol):
     def blocks(self, starts_m: Floats, ends_m: Floats) -> Bools:
         """Whether the open segments from `starts_m` to `ends_m`, both (..., 3), meet the shape; shape (...)."""
         ...
-
-
-def _check_positive(owner: str, **sizes: float) -> None:
-    for name, value in sizes.items():
-        if not 0 < value < math.inf:
-            raise RangeError(f"{owner}.{name} = {value!r}; allowed: above 0, in metres")
-
-
-def _check_place(owner: str, **places: Sequence[float]) -> None:
-    for name, place in places.items():
-        if len(place) != 3:
-            raise ShapeError(f"{owner}.{name} has {len(place)} numbers; allowed is 3 (x, y, z in metres)")
-        if not all(math.isfinite(x) for x in place):
-            raise RangeError(f"{owner}.{name} = {tuple(place)}; allowed: finite metres")
-
-
-def _check_count(**counts: int) -> None:
-    for name, count in counts.items():
-        if count < 1:
-            raise RangeError(f"{name} = {count!r}; allowed: 1 or more")
 
 
 @dataclass(frozen=True)
@@ -73,10 +55,10 @@ class Rectangle:
     elevation_deg: float = 0.0
 
     def __post_init__(self) -> None:
-        _check_place("Rectangle", centre_m=self.centre_m)
-        _check_positive("Rectangle", width_m=self.width_m, height_m=self.height_m)
+        check_place("Rectangle", centre_m=self.centre_m)
+        check_positive("Rectangle", width_m=self.width_m, height_m=self.height_m)
 
-    @property
+    @cached_property
     def normal(self) -> Floats:
         """Unit normal of the front, (3,)."""
         facing, elevation = math.radians(self.facing_deg), math.radians(self.elevation_deg)
@@ -88,16 +70,17 @@ class Rectangle:
             ]
         )
 
-    @property
+    @cached_property
     def right(self) -> Floats:
         """Unit vector along the width, horizontal, to the right for someone who looks at the front, (3,)."""
         facing = math.radians(self.facing_deg)
         return np.array([-math.cos(facing), math.sin(facing), 0.0])
 
-    @property
+    @cached_property
     def up(self) -> Floats:
         """Unit vector along the height, (3,)."""
-        return np.cross(self.normal, self.right)
+        (a, b, c), (x, y, z) = self.normal, self.right
+        return np.array([b * z - c * y, c * x - a * z, a * y - b * x])
 
     def blocks(self, starts_m: Floats, ends_m: Floats) -> Bools:
         """Whether the open segments, (..., 3) each, cross the board; shape (...)."""
@@ -112,7 +95,7 @@ class Rectangle:
 
     def grid(self, columns: int, rows: int, margin_m: float = 0.0) -> tuple[Floats, Floats]:
         """`columns` × `rows` points spread evenly over the front, row by row from top left: points, normals (N, 3)."""
-        _check_count(columns=columns, rows=rows)
+        check_count(columns=columns, rows=rows)
         if not 0 <= margin_m < min(self.width_m, self.height_m) / 2:
             raise RangeError(
                 f"margin_m = {margin_m!r}; allowed: 0 to less than half of {self.width_m} × {self.height_m} m"
@@ -133,8 +116,8 @@ class Sphere:
     radius_m: float
 
     def __post_init__(self) -> None:
-        _check_place("Sphere", centre_m=self.centre_m)
-        _check_positive("Sphere", radius_m=self.radius_m)
+        check_place("Sphere", centre_m=self.centre_m)
+        check_positive("Sphere", radius_m=self.radius_m)
 
     def blocks(self, starts_m: Floats, ends_m: Floats) -> Bools:
         """Whether the open segments, (..., 3) each, pass through the ball; shape (...)."""
@@ -149,7 +132,7 @@ class Sphere:
 
         Equal steps in height are equal areas on a sphere (Archimedes), so the spread is even by area.
         """
-        _check_count(count=count)
+        check_count(count=count)
         if not -1 <= lowest_z < highest_z <= 1:
             raise RangeError(f"lowest_z = {lowest_z!r}, highest_z = {highest_z!r}; allowed: -1 to 1, the lowest below")
         z = highest_z - (highest_z - lowest_z) * (np.arange(count) + 0.5) / count
@@ -168,7 +151,7 @@ class Box:
     highest_m: tuple[float, float, float]
 
     def __post_init__(self) -> None:
-        _check_place("Box", lowest_m=self.lowest_m, highest_m=self.highest_m)
+        check_place("Box", lowest_m=self.lowest_m, highest_m=self.highest_m)
         if not all(low < high for low, high in zip(self.lowest_m, self.highest_m, strict=True)):
             raise RangeError(f"Box {self.lowest_m} to {self.highest_m}; allowed: each of the first below the second")
 

@@ -1,0 +1,194 @@
+"""From σ∞ at each point to one number (section 3.3): norms, weights, objects, and what unobservable points count.
+
+Eq. 10 is `Aggregation()`: the mean of 1/σ∞ over all points, to which unobservable ones add nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pss.errors import RangeError, ShapeError
+from pss.evaluation import Evaluation
+from pss.process import RandomWalk
+
+__all__ = ["Aggregation", "bounded_by_volume", "cover_all", "environment_size_m", "grown_from_previous"]
+
+Floats = NDArray[np.float64]
+
+Norm = Literal["inverse", "1", "2", "inf"]
+Across = Literal["points", "mean", "worst"]
+
+
+@dataclass(frozen=True, eq=False)
+class Aggregation:
+    """One number from N points' σ.
+
+    Attributes:
+        norm: "inverse", the mean of 1/σ (Eq. 10; higher is better); or of σ itself, lower is better: "1", the mean;
+            "2", the root of the mean square; "inf", the largest.
+        weights: of the points, 0 or more, (N,); None weighs all alike. "inf" leaves out those of weight 0.
+        objects: label of each point's object, (N,); None takes all points as one object.
+        priorities: weight of each object, by label, times which its points or its number count; 1 where not named.
+        across: "points" pools all points; "mean" takes the mean of the objects' numbers, so that an object of many
+            points counts no more than one of few; "worst" takes the worst object's number.
+        unobservable: "ignore" leaves them out of sums over σ, and adds nothing for them to the sum of 1/σ (while they
+            still count among the points, as in Eq. 10); "drop" leaves them out of the count too; a number or (N,) is
+            the σ, in metres, that they are given: the size of the environment, the previous value, a heuristic bound.
+
+    Raises:
+        RangeError: an unknown norm or option, negative weights, an object in `priorities` that no point has.
+        ShapeError: arrays of another length than the points.
+    """
+
+    norm: Norm = "inverse"
+    weights: ArrayLike | None = None
+    objects: Sequence[str] | NDArray[np.str_] | None = None
+    priorities: Mapping[str, float] | None = None
+    across: Across = "points"
+    unobservable: Literal["ignore", "drop"] | float | Floats = "ignore"
+
+    def __post_init__(self) -> None:
+        for name, value, allowed in (
+            ("norm", self.norm, get_args(Norm)),
+            ("across", self.across, get_args(Across)),
+        ):
+            if value not in allowed:
+                raise RangeError(f"{name} = {value!r}; allowed: {', '.join(allowed)}")
+        if isinstance(self.unobservable, str) and self.unobservable not in ("ignore", "drop"):
+            raise RangeError(f"unobservable = {self.unobservable!r}; allowed: ignore, drop, or metres")
+        if not isinstance(self.unobservable, str) and not (np.asarray(self.unobservable) > 0).all():
+            raise RangeError(f"unobservable = {self.unobservable!r}; allowed: above 0, in metres")
+        if self.weights is not None and not (np.asarray(self.weights) >= 0).all():
+            raise RangeError(f"a weight is {np.min(np.asarray(self.weights))!r}; allowed: 0 or more")
+        for label, priority in (self.priorities or {}).items():
+            if not 0 <= priority < np.inf:
+                raise RangeError(f"priority of {label!r} = {priority!r}; allowed: 0 or more, finite")
+            if self.objects is None or label not in set(self.objects):
+                raise RangeError(f"priorities name {label!r}; allowed: the labels in objects")
+
+    @property
+    def higher_is_better(self) -> bool:
+        """Which way configurations get better."""
+        return self.norm == "inverse"
+
+    def of_objects(self, sigma_m: ArrayLike) -> dict[str, float]:
+        """The number of each object by itself, of σ in metres (N,), nan where unobservable; priorities play no part."""
+        sigma, weights, labels = self._checked(sigma_m)
+        own = {label: labels == label for label in dict.fromkeys(labels.tolist())}
+        return {label: self._number(sigma[mask], weights[mask]) for label, mask in own.items()}
+
+    def __call__(self, sigma_m: ArrayLike) -> float:
+        """The number: 1/m for "inverse", else m; of σ in metres, (N,), nan where unobservable."""
+        sigma, weights, labels = self._checked(sigma_m)
+        priorities = self.priorities or {}
+        if self.across == "points":
+            return self._number(sigma, weights * np.array([priorities.get(label, 1.0) for label in labels]))
+        numbers = self.of_objects(sigma)
+        counted = {label: number for label, number in numbers.items() if priorities.get(label, 1.0) > 0}
+        if not counted:
+            raise RangeError("all objects have priority 0; allowed: one above")
+        if self.across == "worst":
+            return min(counted.values()) if self.higher_is_better else max(counted.values())
+        shares = np.array([priorities.get(label, 1.0) for label in counted])
+        return float(shares @ np.array(list(counted.values())) / shares.sum())
+
+    def _checked(self, sigma_m: ArrayLike) -> tuple[Floats, Floats, NDArray[np.str_]]:
+        sigma = np.asarray(sigma_m, dtype=float)
+        if sigma.ndim != 1 or len(sigma) == 0:
+            raise ShapeError(f"sigma_m has shape {sigma.shape}; allowed: (N,) with at least one point")
+        if (sigma <= 0).any():
+            raise RangeError(f"sigma_m holds {sigma[sigma <= 0][0]!r}; allowed: above 0, or nan where unobservable")
+        weights = np.ones(len(sigma)) if self.weights is None else np.asarray(self.weights, dtype=float)
+        labels = np.full(len(sigma), "") if self.objects is None else np.asarray(self.objects, dtype=np.str_)
+        for name, value in (("weights", weights), ("objects", labels)):
+            if value.shape != sigma.shape:
+                raise ShapeError(f"{name} has shape {value.shape}; allowed: {sigma.shape}, that of the points")
+        if not isinstance(self.unobservable, str):
+            if np.ndim(self.unobservable) and np.shape(self.unobservable) != sigma.shape:
+                raise ShapeError(f"unobservable has shape {np.shape(self.unobservable)}; allowed: {sigma.shape}")
+            sigma = np.where(np.isnan(sigma), self.unobservable, sigma)
+        return sigma, weights, labels
+
+    def _number(self, sigma: Floats, weights: Floats) -> float:
+        known = np.isfinite(sigma) & (weights > 0)
+        if self.norm == "inverse":
+            total = weights[known].sum() if self.unobservable == "drop" else weights.sum()
+            return float((weights[known] / sigma[known]).sum() / total) if total > 0 else 0.0
+        if not known.any():
+            return float("inf")
+        sigma, weights = sigma[known], weights[known]
+        if self.norm == "inf":
+            return float(sigma.max())
+        power = int(self.norm)
+        return float((weights @ sigma**power / weights.sum()) ** (1 / power))
+
+
+def environment_size_m(lowest_m: ArrayLike, highest_m: ArrayLike) -> float:
+    """Metres, the diagonal of the environment's box between two corners (3,): the paper's bound at unobservable points.
+
+    Raises:
+        RangeError: a corner that is not below the other.
+    """
+    sides = _sides(lowest_m, highest_m)
+    return float(np.linalg.norm(sides))
+
+
+def grown_from_previous(previous_sigma_m: ArrayLike, process: RandomWalk, frames: int) -> Floats:
+    """Metres, σ at points that were resolved to `previous_sigma_m` (N,) and have moved unseen since, for some frames.
+
+    A random walk adds its step's variance with each frame; nan stays nan.
+    """
+    if frames < 0:
+        raise RangeError(f"frames = {frames!r}; allowed: 0 or more")
+    return np.asarray(np.sqrt(np.asarray(previous_sigma_m, dtype=float) ** 2 + frames * process.Q[0, 0]))
+
+
+def bounded_by_volume(evaluation: Evaluation, lowest_m: ArrayLike, highest_m: ArrayLike) -> Floats:
+    """Metres, σ∞ where a point is observable, elsewhere √λmax of what is known if it lies in a box, (N,).
+
+    Being anywhere in a box of sides s is a variance of s²/12 along each. What one camera sees of a point adds to
+    that, so that a point seen once is bounded along the ray alone.
+
+    Args:
+        evaluation: of N points.
+        lowest_m, highest_m: m, corners of the box, (3,) for all points or (N, 3).
+    """
+    sides = np.broadcast_to(_sides(lowest_m, highest_m), (len(evaluation.sigma_m), 3))
+    known = evaluation.information[:, :3, :3] + (12 / sides**2)[:, :, None] * np.eye(3)
+    bound = 1 / np.sqrt(np.linalg.eigvalsh(known)[:, 0])
+    return np.asarray(np.where(evaluation.observable, evaluation.sigma_m, bound))
+
+
+def cover_all(sigma_m: ArrayLike, objects: ArrayLike, share: float = 1.0) -> float:
+    """A number that puts coverage first: objects covered, then their mean inverse σ. Higher is better.
+
+    An object is covered if at least `share` of its points are observable. The whole part of the number is how many
+    objects are, and what comes after the point grows with the worst object's mean of 1/σ (m⁻¹, Eq. 10): between
+    configurations that cover as many, the better one wins, and no gain anywhere outweighs the loss of an object.
+
+    Args:
+        sigma_m: m, (N,), nan where unobservable.
+        objects: label of each point's object, (N,).
+        share: of an object's points that make it covered, above 0, at most 1.
+    """
+    if not 0 < share <= 1:
+        raise RangeError(f"share = {share!r}; allowed: above 0, at most 1")
+    sigma, labels = np.asarray(sigma_m, dtype=float), np.asarray(objects, dtype=np.str_)
+    numbers = Aggregation(objects=labels, across="mean").of_objects(sigma)
+    covered = sum(float(np.isfinite(sigma[labels == label]).mean()) >= share for label in numbers)
+    worst = min(numbers.values())
+    return covered + worst / (1.0 + worst)
+
+
+def _sides(lowest_m: ArrayLike, highest_m: ArrayLike) -> Floats:
+    sides: Floats = np.asarray(highest_m, dtype=float) - np.asarray(lowest_m, dtype=float)
+    if sides.shape[-1:] != (3,):
+        raise ShapeError(f"a box's corners differ by shape {sides.shape}; allowed: (3,) or (N, 3)")
+    if not (sides > 0).all():
+        raise RangeError(f"a box has a side of {sides.min()!r} m; allowed: above 0")
+    return np.asarray(sides)

@@ -1,0 +1,41 @@
+"""Numbers of covariances: √λmax (Eq. 9) and √tr, and symmetric 3 × 3 matrices as six arrays."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["from_six", "largest_standard_deviation", "mean_inverse_sigma", "root_trace", "to_six"]
+
+Floats = NDArray[np.float64]
+
+# Where the entries xx, xy, xz, yy, yz, zz stand in the full matrix.
+ROWS, COLUMNS = (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2)
+PLACES = ((0, 1, 2), (1, 3, 4), (2, 4, 5))
+
+
+def largest_standard_deviation(covariance: Floats) -> Floats:
+    """√λmax of (..., n, n) covariances (Eq. 9), nan where they are; shape (...)."""
+    known = np.asarray(np.isfinite(covariance).all(axis=(-2, -1)))
+    eigenvalues = np.linalg.eigvalsh(np.where(known[..., None, None], covariance, 0.0))[..., -1]
+    return np.where(known, np.sqrt(np.maximum(eigenvalues, 0.0)), np.nan)
+
+
+def root_trace(covariance: Floats) -> Floats:
+    """√tr of (..., n, n) covariances, nan where they are; shape (...)."""
+    return np.asarray(np.sqrt(np.trace(covariance, axis1=-2, axis2=-1)))
+
+
+def mean_inverse_sigma(sigma_m: Floats) -> float:
+    """1/m, Eq. 10: Σ 1/σ over the observable points, divided by the number of all points, (N,); nan adds zero."""
+    return float(np.nansum(1 / sigma_m) / len(sigma_m))
+
+
+def from_six(six: Floats) -> Floats:
+    """Full matrices (N, 3, 3) of the entries xx, xy, xz, yy, yz, zz, (6, N)."""
+    return np.ascontiguousarray(np.moveaxis(six[np.array(PLACES)], -1, 0))
+
+
+def to_six(matrices: Floats) -> Floats:
+    """The entries xx, xy, xz, yy, yz, zz, (6, N), of symmetric matrices (N, 3, 3)."""
+    return np.ascontiguousarray(matrices[:, ROWS, COLUMNS].T)

@@ -1,0 +1,236 @@
+"""What the metric says of one configuration, or of many: the arrays behind Eq. 10 and what follows from them."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pss.camera import PTZCamera
+from pss.covariances import from_six, largest_standard_deviation, mean_inverse_sigma, root_trace
+from pss.noise import NoiseModel
+from pss.photometry import Appearance
+from pss.process import ProcessModel
+from pss.riccati import posterior_covariance
+from pss.sensors import Sensor
+from pss.steady_state import of_state, prior_covariance
+from pss.surrogates import Shape
+from pss.views import Views
+
+__all__ = ["Evaluation", "Evaluations", "Task"]
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What all configurations of an evaluation share: N points, and the models of noise and process.
+
+    Attributes:
+        points_m: m, (N, 3).
+        normals: unit outward normals, (N, 3).
+        noise: model of R_k.
+        processes: each process model with the indices of its points.
+        occluder: shapes that block lines of sight.
+        appearance: how the targets look; None where no factor asks.
+        sensors: other modalities.
+    """
+
+    points_m: Floats
+    normals: Floats
+    noise: NoiseModel
+    processes: list[tuple[ProcessModel, Indices]]
+    occluder: tuple[Shape, ...] = ()
+    appearance: Appearance | None = None
+    sensors: tuple[Sensor, ...] = ()
+
+    def at(self, part: slice) -> Task:
+        """The task at some of the points, for what cameras see of them; `processes` stay those of all."""
+        appearance = None if self.appearance is None else self.appearance.at(part)
+        return dataclasses.replace(
+            self, points_m=self.points_m[part], normals=self.normals[part], appearance=appearance
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """What the metric says of one configuration of C cameras at N points, for a state of n numbers.
+
+    Unobservable points have nan in every array but `visible`, `observable` and `information`. Where points have
+    process models of different size, n is the largest, and what a smaller one lacks is nan.
+
+    Attributes:
+        task: the points and models.
+        cameras: C of them.
+        visible: (C, N), the camera sees the point.
+        observable: (N,), the measurements fix all three coordinates as far as double precision can tell, and Eq. 4 has
+            a solution. Cameras alone need two for it that are not in line with the point.
+        information: ĤᵀR̂⁻¹Ĥ of Eq. 5's batch, (N, 3, 3) in 1/m²; (N, n, n) if a sensor measures more than positions.
+        sigma_m: m, σ∞ of Eq. 9, of the position block, (N,).
+        single_frame_sigma_m: m, √λmax of C = (Σ HᵀR⁻¹H)⁻¹, one frame's triangulation, (N,).
+    """
+
+    task: Task
+    cameras: tuple[PTZCamera, ...]
+    visible: Bools
+    observable: Bools
+    information: Floats
+    sigma_m: Floats
+    single_frame_sigma_m: Floats
+
+    @property
+    def points_m(self) -> Floats:
+        """Metres, the points of interest, (N, 3)."""
+        return self.task.points_m
+
+    @property
+    def normals(self) -> Floats:
+        """Unit outward normals, (N, 3)."""
+        return self.task.normals
+
+    @cached_property
+    def covariance(self) -> Floats:
+        """A-priori P∞, Eq. 4, (N, n, n); the position block is in m²."""
+        return prior_covariance(self.task.processes, self.information, self.observable)
+
+    @cached_property
+    def posterior(self) -> Floats:
+        """A-posteriori P⁺∞, (N, n, n): P∞ after its update with one frame."""
+        filled = np.full_like(self.covariance, np.nan)
+        for model, indices in self.task.processes:
+            rows, n = indices[self.observable[indices]], model.states
+            prior = self.covariance[rows, :n, :n]
+            filled[rows, :n, :n] = posterior_covariance(prior, of_state(self.information[rows], n))
+        return filled
+
+    @cached_property
+    def single_frame_covariance(self) -> Floats:
+        """m², (N, 3, 3), C = (Σ HᵀR⁻¹H)⁻¹ of one frame's triangulation."""
+        filled = np.full((len(self.observable), 3, 3), np.nan)
+        filled[self.observable] = np.linalg.inv(self.information[self.observable, :3, :3])
+        return filled
+
+    @property
+    def rms_m(self) -> Floats:
+        """Metres, √tr of the position block of P∞, (N,)."""
+        return root_trace(self.covariance[:, :3, :3])
+
+    @property
+    def posterior_sigma_m(self) -> Floats:
+        """Metres, √λmax of the position block of P⁺∞, (N,)."""
+        return largest_standard_deviation(self.posterior[:, :3, :3])
+
+    @property
+    def posterior_rms_m(self) -> Floats:
+        """Metres, √tr of the position block of P⁺∞, (N,)."""
+        return root_trace(self.posterior[:, :3, :3])
+
+    @property
+    def single_frame_rms_m(self) -> Floats:
+        """Metres, √tr of C, (N,): what the RMS error of triangulated points is compared with."""
+        return root_trace(self.single_frame_covariance)
+
+    @property
+    def whole_state_sigma(self) -> Floats:
+        """√λmax of all of P∞, Eq. 9 to the letter, (N,): for states with velocity it mixes m with m/s."""
+        sigma = np.full(len(self.observable), np.nan)
+        for model, indices in self.task.processes:
+            sigma[indices] = largest_standard_deviation(self.covariance[indices, : model.states, : model.states])
+        return sigma
+
+    @property
+    def pss(self) -> float:
+        """1/m, Eq. 10."""
+        return mean_inverse_sigma(self.sigma_m)
+
+    @property
+    def pss_single_frame(self) -> float:
+        """1/m, Eq. 10 with √λmax of C in place of σ∞."""
+        return mean_inverse_sigma(self.single_frame_sigma_m)
+
+    @cached_property
+    def views(self) -> Views:
+        """Distances, angles, pixels and Jacobians of all points in all cameras, seen or not."""
+        return Views(self.cameras, self.points_m, self.normals, self.task.appearance)
+
+    @cached_property
+    def jacobian(self) -> Floats:
+        """px/m, H_k, (C, N, 2, 3), of all points, seen or not."""
+        return self.views.jacobian
+
+    @cached_property
+    def noise_px2(self) -> Floats:
+        """px², R_k, (C, N, 2, 2), of all points, seen or not."""
+        return self.task.noise.of_views(self.views).matrix(*self.visible.shape)
+
+    @cached_property
+    def camera_information(self) -> Floats:
+        """1/m², HᵀR⁻¹H of each camera, (C, N, 3, 3); zero where it does not see the point."""
+        weight = self.task.noise.of_views(self.views).inverse(self.visible)
+        six = self.views.information(weight, self.visible)
+        return from_six(six.swapaxes(0, 1).reshape(6, -1)).reshape(*self.visible.shape, 3, 3)
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluations(Sequence[Evaluation]):
+    """What the metric says of K configurations at N points. Item k is the `Evaluation` of one.
+
+    Attributes:
+        task: the points and models that all share.
+        cameras: the cameras of all configurations, each once, U of them.
+        configurations: each configuration's cameras, by their place in `cameras`.
+        visible: (U, N).
+        observable: (K, N).
+        information: entries xx, xy, xz, yy, yz, zz of the position's, 1/m², (K, 6, N).
+        beyond: information of the whole state, (N, n, n), if a sensor measures more than positions; else None.
+        sigma_m: m, σ∞, (K, N).
+        single_frame_sigma_m: m, (K, N).
+    """
+
+    task: Task
+    cameras: tuple[PTZCamera, ...]
+    configurations: tuple[Indices, ...]
+    visible: Bools
+    observable: Bools
+    information: Floats
+    beyond: Floats | None
+    sigma_m: Floats
+    single_frame_sigma_m: Floats
+
+    def __len__(self) -> int:
+        return len(self.configurations)
+
+    def __iter__(self) -> Iterator[Evaluation]:
+        return (self[k] for k in range(len(self)))
+
+    def __getitem__(self, k: int) -> Evaluation:  # type: ignore[override]  # no slices: a batch is indexed by number
+        chosen = self.configurations[k]
+        information = from_six(self.information[k])
+        if self.beyond is not None:
+            information, positions = self.beyond.copy(), information
+            information[:, :3, :3] = positions
+        return Evaluation(
+            self.task,
+            tuple(self.cameras[i] for i in chosen),
+            self.visible[chosen],
+            self.observable[k],
+            information,
+            self.sigma_m[k],
+            self.single_frame_sigma_m[k],
+        )
+
+    @property
+    def pss(self) -> Floats:
+        """1/m, Eq. 10 of each configuration, (K,)."""
+        return np.asarray(np.nansum(1 / self.sigma_m, axis=1) / self.sigma_m.shape[1])
+
+    @property
+    def pss_single_frame(self) -> Floats:
+        """1/m, Eq. 10 with √λmax of C, (K,)."""
+        return np.asarray(np.nansum(1 / self.single_frame_sigma_m, axis=1) / self.sigma_m.shape[1])

@@ -1,0 +1,35 @@
+"""The metrics by name: PSS and what the paper says beside it, and its rivals."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pss.evaluation import Evaluation
+from pss.metric_table import Metric, MetricTable
+from pss.rivals import RIVALS
+
+__all__ = ["CAMERAS_TO_OBSERVE", "METRICS"]
+
+# The paper's definition of an observable point: c ≥ 2 cameras see it (section 3.2).
+CAMERAS_TO_OBSERVE = 2
+
+
+def _visible_share(evaluation: Evaluation) -> float:
+    return float((evaluation.visible.sum(axis=0) >= CAMERAS_TO_OBSERVE).mean())
+
+
+def _worst_sigma(evaluation: Evaluation) -> float:
+    """m, the ∞-norm of section 3.3 over the observable points; ∞ where none is."""
+    sigma = evaluation.sigma_m[evaluation.observable]
+    return float(sigma.max()) if len(sigma) else np.inf
+
+
+ZERO = "count zero"
+OF_THE_PAPER = (
+    Metric("pss", lambda evaluation: evaluation.pss, True, "Eq. 10", "paper", ZERO),
+    Metric("pss-single-frame", lambda e: e.pss_single_frame, True, "Eq. 10 with C for P∞", "ours", ZERO),
+    Metric("worst-sigma", _worst_sigma, False, "Eq. 9, ∞-norm of section 3.3", "paper", "left out"),
+    Metric("visible-share", _visible_share, True, "share of points that two cameras or more see", "ours", ZERO),
+)
+
+METRICS = MetricTable((*OF_THE_PAPER, *RIVALS))

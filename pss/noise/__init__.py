@@ -1,0 +1,31 @@
+"""The measurement noise R_k of a camera: quality factors, each a small unit, and their named sums (section 4)."""
+
+from pss.noise.covariance import PixelCovariance
+from pss.noise.factors import (
+    DEFAULT_CCD_NOISE,
+    SMALLEST_COS_INCIDENCE,
+    Defocus,
+    DistanceIncidence,
+    IdentityNoise,
+    NoiseFactor,
+    Resolution,
+    Weighted,
+)
+from pss.noise.model import NOISE_MODELS, NoiseModel, noise_model
+from pss.noise.photometric import BrightnessContrast
+
+__all__ = [
+    "DEFAULT_CCD_NOISE",
+    "NOISE_MODELS",
+    "SMALLEST_COS_INCIDENCE",
+    "BrightnessContrast",
+    "Defocus",
+    "DistanceIncidence",
+    "IdentityNoise",
+    "NoiseFactor",
+    "NoiseModel",
+    "PixelCovariance",
+    "Resolution",
+    "Weighted",
+    "noise_model",
+]

@@ -1,0 +1,150 @@
+"""The paper's quality factors of section 4.1, Eqs. 11–15, each the covariance that it adds to R_k.
+
+Eq. 11 adds m² to px²; it is kept as printed, and the scale between them is explicit (`px2_per_m2`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
+
+import numpy as np
+
+from pss.errors import RangeError
+from pss.noise.covariance import PixelCovariance
+from pss.views import Views
+
+__all__ = [
+    "DEFAULT_CCD_NOISE",
+    "SMALLEST_COS_INCIDENCE",
+    "Defocus",
+    "DistanceIncidence",
+    "IdentityNoise",
+    "NoiseFactor",
+    "Resolution",
+    "Weighted",
+]
+
+T = TypeVar("T")
+
+# Dark noise over full well (6 e⁻ over 10 000 e⁻), for callers without a sensor at hand; a scene gives its own.
+DEFAULT_CCD_NOISE = 6e-4
+# D²/cos α has no bound at grazing incidence; beyond 89.4° nothing can be measured anyway.
+SMALLEST_COS_INCIDENCE = 0.01
+
+
+class NoiseFactor(Protocol):
+    """One quality factor. A user's own factor is any object with these two members."""
+
+    @property
+    def name(self) -> str:
+        """How the factor is switched, weighted and listed."""
+        ...
+
+    def covariance(self, views: Views) -> PixelCovariance:
+        """px², what the factor adds to R in each of the `views`: arrays that broadcast to (C, N)."""
+        ...
+
+
+@dataclass(frozen=True)
+class DistanceIncidence:
+    """Object distance and incidence angle, Eq. 11.
+
+    Attributes:
+        corrected: False for D² cos α as printed; True for D² / cos α, which is what the sentence before Eq. 11 says
+            (accuracy grows with cos α, so the noise must fall with it).
+        px2_per_m2: px²/m², the scale that Eq. 11 leaves open.
+        distance: False takes D as 1 m everywhere.
+        incidence: False takes cos α as 1 everywhere.
+    """
+
+    corrected: bool = False
+    px2_per_m2: float = 1.0
+    distance: bool = True
+    incidence: bool = True
+    name: str = "distance-incidence"
+
+    def covariance(self, views: Views) -> PixelCovariance:
+        """px², isotropic."""
+        variance = views.range_m**2 if self.distance else np.ones_like(views.range_m)
+        if self.incidence and self.corrected:
+            variance = variance / np.maximum(views.cos_incidence, SMALLEST_COS_INCIDENCE)
+        elif self.incidence:
+            variance = variance * np.maximum(views.cos_incidence, 0.0)  # Eq. 11
+        return PixelCovariance.isotropic(self.px2_per_m2 * variance)
+
+
+@dataclass(frozen=True)
+class Resolution:
+    """Image resolution, Eqs. 12 and 13: black-level noise times the sensor's size in pixels times cos θ.
+
+    Attributes:
+        ccd_noise: CCDnoise_k, dark noise over full well (the paper: "measured sensor black-level noise"); no unit. A
+            number for all cameras, or one for each by the camera's name.
+    """
+
+    ccd_noise: float | Mapping[str, float] = DEFAULT_CCD_NOISE
+    name: str = "resolution"
+
+    def covariance(self, views: Views) -> PixelCovariance:
+        """px², diagonal."""
+        if isinstance(self.ccd_noise, Mapping):
+            noise = np.array([of_camera(self.ccd_noise, camera.name, "ccd_noise") for camera in views.cameras])[:, None]
+        else:
+            noise = np.array([[self.ccd_noise]])
+        scaled = noise * views.cos_off_axis
+        # Eqs. 12 and 13.
+        return PixelCovariance.diagonal((scaled * views.arrays.width) ** 2, (scaled * views.arrays.height) ** 2)
+
+
+@dataclass(frozen=True)
+class Defocus:
+    """Focus distance and depth of field, Eqs. 14 and 15: the squared diameter of the circle of confusion."""
+
+    name: str = "defocus"
+
+    def covariance(self, views: Views) -> PixelCovariance:
+        """px², isotropic."""
+        return PixelCovariance.isotropic(views.circle_of_confusion_px**2)  # Eq. 15
+
+
+@dataclass(frozen=True)
+class IdentityNoise:
+    """R = I: the same noise everywhere. No factor of the paper, but the ablation that tells what R is worth."""
+
+    variance_px2: float = 1.0
+    name: str = "identity"
+
+    def covariance(self, views: Views) -> PixelCovariance:
+        """px², isotropic."""
+        return PixelCovariance.isotropic(self.variance_px2)
+
+
+@dataclass(frozen=True)
+class Weighted:
+    """A factor times a weight of 0 or more."""
+
+    factor: NoiseFactor
+    weight: float
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.weight < math.inf:
+            raise RangeError(f"weight of {self.factor.name!r} = {self.weight!r}; allowed: 0 or more, finite")
+
+    @property
+    def name(self) -> str:
+        """The factor's."""
+        return self.factor.name
+
+    def covariance(self, views: Views) -> PixelCovariance:
+        """px², the factor's times the weight."""
+        return self.factor.covariance(views) * self.weight
+
+
+def of_camera(values: Mapping[str, T], name: str, what: str) -> T:
+    """The value of the camera called `name`."""
+    if name not in values:
+        raise RangeError(f"{what} has no value for the camera {name!r}; allowed: {', '.join(values)}")
+    return values[name]

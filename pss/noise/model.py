@@ -1,0 +1,145 @@
+"""R_k as the sum of its factors (section 4), and the sums that have a name."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pss.camera import PTZCamera, as_points
+from pss.errors import RangeError
+from pss.noise.covariance import PixelCovariance
+from pss.noise.factors import (
+    DEFAULT_CCD_NOISE,
+    Defocus,
+    DistanceIncidence,
+    IdentityNoise,
+    NoiseFactor,
+    Resolution,
+    Weighted,
+)
+from pss.noise.photometric import BrightnessContrast
+from pss.photometry import Appearance, ImageSensor
+from pss.views import Views
+
+__all__ = ["NOISE_MODELS", "NoiseModel", "noise_model"]
+
+Floats = NDArray[np.float64]
+
+# Parts of Eq. 11 that can be switched off alone.
+EQUATION_11_PARTS = ("distance", "incidence")
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """R_k as the sum of factors: `name` for tables, `factors` in the order of the paper."""
+
+    name: str
+    factors: tuple[NoiseFactor, ...]
+
+    def __post_init__(self) -> None:
+        if not self.factors:
+            raise RangeError(f"noise model {self.name!r} has no factor left; allowed: at least one")
+
+    def of_views(self, views: Views) -> PixelCovariance:
+        """px², R_k in every one of `views`: arrays that broadcast to (C, N)."""
+        total = self.factors[0].covariance(views)
+        for factor in self.factors[1:]:
+            total = total + factor.covariance(views)
+        return total
+
+    def covariance(
+        self, camera: PTZCamera, points_m: ArrayLike, normals: ArrayLike, appearance: Appearance | None = None
+    ) -> Floats:
+        """px², R_k (N, 2, 2) of one camera at `points_m` (N, 3) with unit `normals` (N, 3)."""
+        points = as_points(points_m)
+        views = Views([camera], points, as_points(normals, "normals"), appearance)
+        return np.asarray(self.of_views(views).matrix(1, len(points))[0])
+
+    def without(self, *names: str) -> NoiseModel:
+        """The model with the named factors switched off; "distance" and "incidence" switch off their part of Eq. 11.
+
+        Raises:
+            RangeError: a factor that the model doesn't have, or no factor left.
+        """
+        factors = list(self.factors)
+        for name in names:
+            if name in EQUATION_11_PARTS and any(isinstance(factor, DistanceIncidence) for factor in factors):
+                factors = [_without_part(factor, name) for factor in factors]
+                # Eq. 11 with neither part is the same for all points: it is off.
+                factors = [
+                    f for f in factors if not (isinstance(f, DistanceIncidence) and not (f.distance or f.incidence))
+                ]
+            else:
+                self._require(name)
+                factors = [factor for factor in factors if factor.name != name]
+        suffix = "".join(f" without {name}" for name in names)
+        return NoiseModel(self.name + suffix, tuple(factors))
+
+    def weighted(self, weights: Mapping[str, float], name: str | None = None) -> NoiseModel:
+        """The model with the covariances of the named factors multiplied by `weights`, of 0 or more."""
+        for factor in weights:
+            self._require(factor)
+        factors = tuple(Weighted(f, weights[f.name]) if f.name in weights else f for f in self.factors)
+        return NoiseModel(self.name + " weighted" if name is None else name, factors)
+
+    def plus(self, *factors: NoiseFactor) -> NoiseModel:
+        """The model with further factors."""
+        return NoiseModel(self.name + "".join(f" + {f.name}" for f in factors), self.factors + factors)
+
+    def _require(self, name: str) -> None:
+        have = [factor.name for factor in self.factors]
+        if name not in have:
+            raise RangeError(f"noise factor {name!r} is not in {self.name!r}; allowed: {', '.join(have)}")
+
+
+def _without_part(factor: NoiseFactor, part: str) -> NoiseFactor:
+    if not isinstance(factor, DistanceIncidence):
+        return factor
+    return dataclasses.replace(
+        factor, distance=factor.distance and part != "distance", incidence=factor.incidence and part != "incidence"
+    )
+
+
+NOISE_MODELS = ("as-printed", "corrected", "physical", "identity")
+
+
+def noise_model(
+    name: str,
+    *,
+    switched_off: Iterable[str] = (),
+    ccd_noise: float | Mapping[str, float] = DEFAULT_CCD_NOISE,
+    px2_per_m2: float = 1.0,
+    sensor: ImageSensor | Mapping[str, ImageSensor] | None = None,
+) -> NoiseModel:
+    """The noise model called `name`.
+
+    "as-printed" is Eqs. 11–15, "corrected" has D²/cos α in Eq. 11, "physical" is the tag's edges against the sensor's
+    noise (it needs `appearance` in `pss.evaluate`), "identity" is R = I.
+
+    Args:
+        switched_off: names of factors to leave out: "distance-incidence" (or "distance", "incidence"), "resolution",
+            "defocus". They are the paper's; the models "physical" and "identity" have none of them.
+        ccd_noise: dark noise over full well, for Eqs. 12 and 13; a number, or one for each camera by name.
+        px2_per_m2: px²/m², the scale of Eq. 11.
+        sensor: for "physical"; one for all cameras, or one for each by name.
+
+    Raises:
+        RangeError: an unknown name of a model or a factor, or a constant out of range.
+    """
+    off = tuple(switched_off)
+    if name not in NOISE_MODELS:
+        raise RangeError(f"noise model {name!r}; allowed: {', '.join(NOISE_MODELS)}")
+    numbers = list(ccd_noise.values()) if isinstance(ccd_noise, Mapping) else [ccd_noise]
+    if not all(number > 0 for number in numbers) or not px2_per_m2 > 0:
+        raise RangeError(f"ccd_noise = {ccd_noise!r}, px2_per_m2 = {px2_per_m2!r}; allowed: above 0")
+    if name == "identity":
+        return NoiseModel(name, (IdentityNoise(),)).without(*off)
+    if name == "physical":
+        factor = BrightnessContrast(ImageSensor() if sensor is None else sensor)
+        return NoiseModel(name, (factor,)).without(*off)
+    first = DistanceIncidence(corrected=name == "corrected", px2_per_m2=px2_per_m2)
+    return NoiseModel(name, (first, Resolution(ccd_noise), Defocus())).without(*off)

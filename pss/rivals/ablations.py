@@ -1,0 +1,135 @@
+"""PSS with parts of it taken away: R = I, one quality factor alone, the filter's error after its update.
+
+Without the process model PSS is "pss-single-frame", which the table has already. For Q → ∞ the a-posteriori P⁺ tends
+to C, and the a-priori P∞ to Q + C.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import TypeVar
+
+import numpy as np
+
+from pss.covariances import from_six, mean_inverse_sigma, to_six
+from pss.evaluation import Evaluation
+from pss.metric_table import Metric
+from pss.noise import (
+    BrightnessContrast,
+    Defocus,
+    DistanceIncidence,
+    IdentityNoise,
+    NoiseFactor,
+    NoiseModel,
+    Resolution,
+    Weighted,
+)
+from pss.rivals.covariance import PIXEL_VARIANCE_PX2
+from pss.rivals.shared import known
+from pss.steady_state import position_sigma
+
+__all__ = ["ABLATIONS", "evaluation_with", "own_factor"]
+
+F = TypeVar("F", bound=NoiseFactor)
+
+# Without it R would be zero in the plane of focus, and at grazing incidence as Eq. 11 is printed.
+PIXEL = IdentityNoise(PIXEL_VARIANCE_PX2, "pixel")
+
+
+def evaluation_with(evaluation: Evaluation, noise: NoiseModel) -> Evaluation:
+    """The same cameras, points and visibility with another model of R; other sensors keep what they measured."""
+    task = dataclasses.replace(evaluation.task, noise=noise)
+    if not evaluation.cameras:
+        return dataclasses.replace(evaluation, task=task)
+    views, visible = evaluation.views, evaluation.visible
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # of points that are not seen
+        weight = noise.of_views(views).inverse(visible)
+    six = views.information(weight, visible).sum(axis=0)
+    if task.sensors:
+        six += to_six(evaluation.information[:, :3, :3] - evaluation.camera_information.sum(axis=0))
+    information = evaluation.information.copy()
+    information[:, :3, :3] = from_six(six)
+    beyond = information if information.shape[-1] > 3 else None
+    observable, smallest = known(six)
+    sigma = position_sigma(task.processes, six[None], beyond, smallest[None], observable[None])[0]
+    observable &= np.isfinite(sigma)
+    return dataclasses.replace(
+        evaluation,
+        task=task,
+        observable=observable,
+        information=information,
+        sigma_m=sigma,
+        single_frame_sigma_m=np.where(observable, 1 / np.sqrt(np.where(observable, smallest, 1.0)), np.nan),
+    )
+
+
+def own_factor(evaluation: Evaluation, default: F) -> F:
+    """The factor of the default's kind in the evaluation's noise model, for its constants; or the default."""
+    for factor in evaluation.task.noise.factors:
+        unweighted = factor.factor if isinstance(factor, Weighted) else factor
+        if isinstance(unweighted, type(default)):
+            return unweighted
+    return default
+
+
+def _identity(evaluation: Evaluation) -> tuple[NoiseFactor, ...]:
+    return (IdentityNoise(),)
+
+
+def _distance(evaluation: Evaluation) -> tuple[NoiseFactor, ...]:
+    own = own_factor(evaluation, DistanceIncidence())
+    return (dataclasses.replace(own, distance=True, incidence=False),)
+
+
+def _incidence_as_printed(evaluation: Evaluation) -> tuple[NoiseFactor, ...]:
+    own = own_factor(evaluation, DistanceIncidence())
+    return (dataclasses.replace(own, distance=False, incidence=True, corrected=False), PIXEL)
+
+
+def _incidence_corrected(evaluation: Evaluation) -> tuple[NoiseFactor, ...]:
+    own = own_factor(evaluation, DistanceIncidence())
+    return (dataclasses.replace(own, distance=False, incidence=True, corrected=True),)
+
+
+def _resolution(evaluation: Evaluation) -> tuple[NoiseFactor, ...]:
+    return (own_factor(evaluation, Resolution()),)
+
+
+def _defocus(evaluation: Evaluation) -> tuple[NoiseFactor, ...]:
+    return (own_factor(evaluation, Defocus()), PIXEL)
+
+
+def _brightness_contrast(evaluation: Evaluation) -> tuple[NoiseFactor, ...]:
+    return (own_factor(evaluation, BrightnessContrast()),) if evaluation.task.appearance is not None else ()
+
+
+def _ablation(name: str, factors: Callable[[Evaluation], tuple[NoiseFactor, ...]], reference: str) -> Metric:
+    """Eq. 10, 1/m, with R the sum of these factors; 0 if there are none. More is better."""
+
+    def score(evaluation: Evaluation) -> float:
+        chosen = factors(evaluation)
+        return evaluation_with(evaluation, NoiseModel(name, chosen)).pss if chosen else 0.0
+
+    return Metric(name, score, True, reference, "ours", "count zero")
+
+
+def _posterior(evaluation: Evaluation) -> float:
+    """1/m, Eq. 10 with P⁺ for P∞. More is better."""
+    return mean_inverse_sigma(evaluation.posterior_sigma_m)
+
+
+ABLATIONS: tuple[Metric, ...] = (
+    _ablation("pss-identity-noise", _identity, "Eq. 10 with R = I px²"),
+    _ablation("pss-distance-alone", _distance, "Eq. 10 with R = D² of Eq. 11"),
+    _ablation("pss-incidence-printed-alone", _incidence_as_printed, "Eq. 10 with R = cos α of Eq. 11 + 1/12 px²"),
+    _ablation("pss-incidence-corrected-alone", _incidence_corrected, "Eq. 10 with R = 1/cos α"),
+    _ablation("pss-resolution-alone", _resolution, "Eq. 10 with R of Eqs. 12 and 13"),
+    _ablation("pss-defocus-alone", _defocus, "Eq. 10 with R of Eq. 15 + 1/12 px²"),
+    _ablation(
+        "pss-brightness-contrast-alone",
+        _brightness_contrast,
+        "Eq. 10 with R of brightness and contrast; 0 without an appearance",
+    ),
+    Metric("pss-posterior", _posterior, True, "Eq. 10 with the a-posteriori P⁺ for P∞", "ours", "count zero"),
+)

@@ -1,0 +1,77 @@
+"""Rivals that ask at which angles a point is seen, and nothing of pixels: triangulability, pairs of bearings."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pss.evaluation import Evaluation
+from pss.metric import SMALLEST_INFORMATION_RATIO
+from pss.metric_table import Metric
+from pss.rivals.shared import Pairs, both_conventions, view_pairs
+
+__all__ = [
+    "ANGLE_METRICS",
+    "LARGEST_ANGLE_DEG",
+    "SMALLEST_ANGLE_DEG",
+    "best_pair_m2",
+    "triangulable",
+    "triangulable_share",
+    "triangulation_angle",
+]
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+# Rays that meet at less than 40° or more than 140° do not count as triangulation.
+SMALLEST_ANGLE_DEG = 40.0
+LARGEST_ANGLE_DEG = 180.0 - SMALLEST_ANGLE_DEG
+# Points that look at two cameras under exactly 40° would change sides with the last bit.
+COS_ROUNDING = 1e-12
+
+
+def triangulable(pairs: Pairs) -> Bools:
+    """Whether both cameras of a pair see the point, 40° to 140° apart, (P, N)."""
+    return np.asarray(pairs.seen & (np.abs(pairs.cos) <= math.cos(math.radians(SMALLEST_ANGLE_DEG)) + COS_ROUNDING))
+
+
+def triangulable_share(evaluation: Evaluation) -> float:
+    """Share of the points that some pair of cameras sees 40° to 140° apart, 0 to 1. More is better.
+
+    Source: Rahimian and Kearney 2017. A point without such a pair counts zero.
+    """
+    return float(triangulable(view_pairs(evaluation)).any(axis=0).mean())
+
+
+def triangulation_angle(evaluation: Evaluation) -> float:
+    """Soft form of `triangulable_share`: mean over points of the largest sin θ of two views, 0 to 1. More is better.
+
+    A point that fewer than two cameras see counts zero.
+    """
+    pairs = view_pairs(evaluation)
+    return float(np.where(pairs.seen, pairs.sin, 0.0).max(axis=0, initial=0.0).mean())
+
+
+def best_pair_m2(evaluation: Evaluation) -> Floats:
+    """m², min over visible pairs of d₁·d₂/|sin θ|, (N,); ∞ without a pair that is not in line with the point.
+
+    In the plane, two bearings of 1 rad have the covariance (Σ n nᵀ/d²)⁻¹, whose root determinant this is.
+    Source: Tekdas and Isler 2010.
+    """
+    pairs, range_m = view_pairs(evaluation), evaluation.views.range_m
+    usable = pairs.seen & (pairs.sin**2 > SMALLEST_INFORMATION_RATIO)
+    product = range_m[pairs.first] * range_m[pairs.second] / np.where(usable, pairs.sin, 1.0)
+    return np.asarray(np.where(usable, product, np.inf).min(axis=0, initial=np.inf))
+
+
+ANGLE_METRICS: tuple[Metric, ...] = (
+    Metric(
+        "triangulable-share", triangulable_share, True, "Rahimian and Kearney 2017, 40° to 140°", "read", "count zero"
+    ),
+    Metric(
+        "triangulation-angle", triangulation_angle, True, "Rahimian and Kearney 2017, soft: sin θ", "read", "count zero"
+    ),
+    *both_conventions("pairwise-bearing", best_pair_m2, np.sqrt, "Tekdas and Isler 2010, d₁d₂/|sin θ|", "checked"),
+)

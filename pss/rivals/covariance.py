@@ -1,0 +1,179 @@
+"""Rivals that are a number of a covariance: of C = J⁻¹, of bearings or of pixels alike, and of a filter's update.
+
+Metrics of C and of bearings rise and fall together where R is the same for all views: near ties are to be expected.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pss.covariances import from_six, to_six
+from pss.evaluation import Evaluation
+from pss.metric_table import Metric
+from pss.noise import IdentityNoise, NoiseModel
+from pss.rivals.shared import both_conventions, directions, known
+
+__all__ = [
+    "COVARIANCE_METRICS",
+    "PIXEL_VARIANCE_PX2",
+    "PRIOR_SIGMA_M",
+    "a_optimality_m2",
+    "d_optimality",
+    "e_optimality_m2",
+    "gdop_m",
+    "quantisation_volume_m3",
+    "uncertainty_reward_m2",
+    "worst_diagonal_m2",
+]
+
+Floats = NDArray[np.float64]
+
+# px², variance of ±½ px, all places alike.
+PIXEL_VARIANCE_PX2 = 1 / 12
+PIXEL_GRID = NoiseModel("pixel grid", (IdentityNoise(PIXEL_VARIANCE_PX2),))
+# m, what is known of a target before anything is measured: it is somewhere in the middle of the room.
+PRIOR_SIGMA_M = 1.0
+
+
+def quantisation_volume_m3(evaluation: Evaluation) -> Floats:
+    """m³, √det C with R = I/12 px², (N,); ∞ if unobservable. Less is better.
+
+    After Wu, Sharma and Huang 1998: the region that the pyramids of ±½ px cut out, of which the abstract says that an
+    ellipsoid stands for it. Taking √det of the Gaussian with the squares' variance for its volume is our reading. The
+    region's own volume is a multiple of it: 12^1.5 = 41.6 to √2·12^1.5 = 58.8 for two cameras (at right angles and
+    alike: 58.8), and the larger the more cameras there are (for five about 100).
+    """
+    weight = PIXEL_GRID.of_views(evaluation.views).inverse(evaluation.visible)
+    return _root_determinant(evaluation.views.information(weight, evaluation.visible).sum(axis=0))
+
+
+def _root_determinant(six: Floats) -> Floats:
+    fixed, _ = known(six)
+    found = np.full(six.shape[1], np.inf)
+    found[fixed] = np.exp(-np.linalg.slogdet(from_six(six[:, fixed]))[1] / 2)
+    return found
+
+
+def worst_diagonal_m2(evaluation: Evaluation) -> Floats:
+    """m², the largest of C_xx, C_yy, C_zz, (N,); ∞ if unobservable. Less is better; the metric is the worst point's.
+
+    After Olague and Mohr 2002. It depends on the directions of the world's axes.
+    """
+    return _or_infinite(np.diagonal(evaluation.single_frame_covariance, axis1=1, axis2=2).max(axis=1))
+
+
+def gdop_m(evaluation: Evaluation) -> Floats:
+    """m/rad, √tr (HᵀH)⁻¹ with H = (I − uuᵀ)/d, the bearing on the unit sphere, (N,); ∞ if unobservable.
+
+    Less is better. Source: geometric dilution of precision, as used for bearings.
+    """
+    u = directions(evaluation)
+    range_m = evaluation.views.range_m
+    weight = np.where(evaluation.visible, 1 / np.where(range_m > 0, range_m, 1.0) ** 2, 0.0)
+    information = np.einsum("cn,ij->nij", weight, np.eye(3)) - np.einsum("cn,cni,cnj->nij", weight, u, u)
+    fixed, _ = known(to_six(information))
+    found = np.full(len(information), np.inf)
+    found[fixed] = np.sqrt(np.trace(np.linalg.inv(information[fixed]), axis1=1, axis2=2))
+    return found
+
+
+def a_optimality_m2(evaluation: Evaluation) -> Floats:
+    """m², tr C, (N,); ∞ if unobservable. Less is better."""
+    return _or_infinite(evaluation.single_frame_rms_m**2)
+
+
+def d_optimality(evaluation: Evaluation) -> Floats:
+    """ln det C, of m⁶, (N,); ∞ if unobservable. Less is better."""
+    found, fixed = np.full(len(evaluation.observable), np.inf), evaluation.observable
+    found[fixed] = -np.linalg.slogdet(evaluation.information[fixed, :3, :3])[1]
+    return found
+
+
+def e_optimality_m2(evaluation: Evaluation) -> Floats:
+    """m², λmax(C), (N,); ∞ if unobservable. Less is better."""
+    return _or_infinite(evaluation.single_frame_sigma_m**2)
+
+
+def _or_infinite(values: Floats) -> Floats:
+    return np.where(np.isfinite(values), values, np.inf)
+
+
+def _t_optimality(evaluation: Evaluation) -> float:
+    """1/m², mean of tr J. More is better; an unobservable point counts with what is measured of it."""
+    return float(np.trace(evaluation.information[:, :3, :3], axis1=1, axis2=2).mean())
+
+
+def _t_optimality_count_zero(evaluation: Evaluation) -> float:
+    """1/m, mean of √tr J, to which unobservable points add zero. More is better."""
+    root = np.sqrt(np.trace(evaluation.information[:, :3, :3], axis1=1, axis2=2))
+    return float(np.where(evaluation.observable, root, 0.0).mean())
+
+
+def uncertainty_reward_m2(evaluation: Evaluation, prior_sigma_m: float = PRIOR_SIGMA_M) -> float:
+    """m², Σ over points of ‖P⁻‖_F − ‖P⁺‖_F, P⁻ = σ²I the same for all configurations. More is better.
+
+    Source: Stone Soup's UncertaintyRewardFunction. There P⁻ is the track before the choice, so it must not depend on
+    it. With 1 m against millimetres this nearly counts what is seen: √3 m² for a point that is fixed, √3 − 1 for one
+    that a single camera sees, 0 for one that none sees.
+    """
+    information = evaluation.information[:, :3, :3] + np.eye(3) / prior_sigma_m**2
+    after = np.linalg.norm(np.linalg.inv(information), axis=(1, 2))
+    return float((math.sqrt(3) * prior_sigma_m**2 - after).sum())
+
+
+def _steady_state_reward(evaluation: Evaluation) -> float:
+    """m², the same with P⁻ = P∞ and P⁺ of the filter's steady state; unobservable points add zero. More is better.
+
+    P∞ = P⁺ + Q for a random walk, so that the reward is what Q adds, whatever the cameras: hardly a metric.
+    """
+    before, after = (np.linalg.norm(P[:, :3, :3], axis=(1, 2)) for P in (evaluation.covariance, evaluation.posterior))
+    return float(np.where(evaluation.observable, before - after, 0.0).sum())
+
+
+COVARIANCE_METRICS: tuple[Metric, ...] = (
+    *both_conventions(
+        "quantisation-volume", quantisation_volume_m3, np.cbrt, "after Wu, Sharma and Huang 1998", "after"
+    ),
+    *both_conventions(
+        "worst-diagonal",
+        worst_diagonal_m2,
+        np.sqrt,
+        "after Olague and Mohr 2002",
+        "after",
+        over_points=lambda values: float(values.max()),
+    ),
+    *both_conventions("gdop", gdop_m, lambda gdop: gdop, "geometric dilution of precision, bearings", "read"),
+    *both_conventions("a-optimality", a_optimality_m2, np.sqrt, "optimal design, tr C", "read"),
+    *both_conventions(
+        "d-optimality", d_optimality, lambda value: np.exp(value / 6), "optimal design, ln det C", "read"
+    ),
+    *both_conventions("e-optimality", e_optimality_m2, np.sqrt, "optimal design, λmax(C)", "read"),
+    Metric("t-optimality", _t_optimality, True, "optimal design, tr J", "read", "count with what is measured"),
+    Metric(
+        "t-optimality-count-zero",
+        _t_optimality_count_zero,
+        True,
+        "optimal design, tr J; averaged as in Eq. 10",
+        "read",
+        "count zero",
+    ),
+    Metric(
+        "uncertainty-reward",
+        uncertainty_reward_m2,
+        True,
+        "Stone Soup, UncertaintyRewardFunction",
+        "read",
+        "by the prior",
+    ),
+    Metric(
+        "uncertainty-reward-steady-state",
+        _steady_state_reward,
+        True,
+        "Stone Soup's UncertaintyRewardFunction at P∞",
+        "ours",
+        "count zero",
+    ),
+)

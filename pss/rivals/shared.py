@@ -1,0 +1,119 @@
+"""What several rivals need: directions and pairs of views, inverses where they exist, and two ways with the rest.
+
+All of it is about cameras that see a point. Other sensors enter where a metric reads J or C of the evaluation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pss.covariances import to_six
+from pss.evaluation import Evaluation
+from pss.metric import SMALLEST_INFORMATION_RATIO
+from pss.metric_table import Metric, Status
+from pss.observability import smallest_eigenvalue_3x3
+
+__all__ = ["Pairs", "both_conventions", "camera_six", "directions", "known", "largest_sigma_m", "view_pairs"]
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Indices = NDArray[np.intp]
+
+
+def directions(evaluation: Evaluation) -> Floats:
+    """Unit vectors from the points to the cameras, (C, N, 3); zero at a lens centre."""
+    away = evaluation.views.arrays.position_m[:, None] - evaluation.points_m
+    range_m = evaluation.views.range_m
+    return np.asarray(away / np.where(range_m > 0, range_m, 1.0)[..., None])
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """The P = C(C − 1)/2 pairs of cameras at N points.
+
+    Attributes:
+        first, second: their cameras, (P,).
+        seen: both see the point, (P, N).
+        cos, sin: of the angle at the point between them; sin is 0 or more, (P, N).
+    """
+
+    first: Indices
+    second: Indices
+    seen: Bools
+    cos: Floats
+    sin: Floats
+
+
+def view_pairs(evaluation: Evaluation) -> Pairs:
+    """All pairs of the evaluation's cameras."""
+    first, second = np.triu_indices(len(evaluation.cameras), 1)
+    towards = directions(evaluation)
+    one, other = towards[first], towards[second]
+    # The cross product keeps the sine of nearly parallel rays, which 1 − cos² would lose.
+    sin = np.linalg.norm(np.cross(one, other), axis=-1)
+    seen = evaluation.visible[first] & evaluation.visible[second]
+    return Pairs(first, second, seen, np.einsum("pni,pni->pn", one, other), np.minimum(sin, 1.0))
+
+
+def camera_six(evaluation: Evaluation) -> Floats:
+    """1/m², HᵀR⁻¹H of each camera by its entries xx, xy, xz, yy, yz, zz, (C, 6, N); zero where it sees nothing."""
+    C, N = evaluation.visible.shape
+    return to_six(evaluation.camera_information.reshape(-1, 3, 3)).reshape(6, C, N).swapaxes(0, 1)
+
+
+def known(six: Floats) -> tuple[Bools, Floats]:
+    """Whether measurements fix all three coordinates, as `pss.evaluate` decides it, and λmin in 1/m².
+
+    Args:
+        six: 1/m², entries xx, xy, xz, yy, yz, zz of information matrices, (6, M).
+
+    Returns:
+        (M,) both; λmin is 0 where nothing is measured.
+    """
+    trace = six[0] + six[3] + six[5]
+    measured = trace > 0
+    smallest = np.zeros(six.shape[1])
+    smallest[measured] = smallest_eigenvalue_3x3(*six[:, measured])
+    return np.asarray(smallest > SMALLEST_INFORMATION_RATIO * trace), smallest
+
+
+def largest_sigma_m(six: Floats) -> Floats:
+    """Metres, √λmax of the inverses of information matrices (6, M) in 1/m²; ∞ where there is none, (M,)."""
+    fixed, smallest = known(six)
+    return np.where(fixed, 1 / np.sqrt(np.where(fixed, smallest, 1.0)), np.inf)
+
+
+def both_conventions(
+    name: str,
+    values: Callable[[Evaluation], Floats],
+    sigma: Callable[[Floats], Floats],
+    reference: str,
+    status: Status,
+    *,
+    over_points: Callable[[Floats], float] = lambda values: float(values.mean()),
+) -> tuple[Metric, Metric]:
+    """A metric of which less is better, by its own convention and by Eq. 10's.
+
+    Its own: the mean over the points (or `over_points`), ∞ if a single one is unobservable. Eq. 10's, "-count-zero":
+    the mean of 1/σ over all points, to which unobservable ones add zero, so that more is better.
+
+    Args:
+        values: from an evaluation to a number for each point, (N,), ∞ where it is unobservable.
+        sigma: from these numbers to what is like a standard deviation; ∞ stays ∞.
+    """
+
+    def own(evaluation: Evaluation) -> float:
+        found = values(evaluation)
+        return over_points(found) if np.isfinite(found).all() else np.inf
+
+    def count_zero(evaluation: Evaluation) -> float:
+        return float((1 / sigma(values(evaluation))).mean())
+
+    return (
+        Metric(name, own, False, reference, status, "infinite if a point is unobservable"),
+        Metric(f"{name}-count-zero", count_zero, True, f"{reference}; averaged as in Eq. 10", status, "count zero"),
+    )

@@ -1,0 +1,150 @@
+"""From what is measured of N points to their σ∞, whatever their process models: the shortest way that each allows."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Hashable, Sequence
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pss.covariances import from_six, largest_standard_deviation
+from pss.errors import ShapeError
+from pss.own_process import LinearProcess, PerPoint
+from pss.process import ProcessModel
+from pss.riccati import steady_state_covariance_from_information
+from pss.riccati_axes import axis_blocks, position_variance
+
+__all__ = ["Process", "as_groups", "of_state", "position_sigma", "prior_covariance"]
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.intp]
+Bools = NDArray[np.bool_]
+Groups = list[tuple[ProcessModel, Indices]]
+Process = ProcessModel | PerPoint | Sequence[ProcessModel]
+
+
+# n × n systems at once: bounds the memory of the general methods.
+SYSTEMS_AT_ONCE = 8192
+MODELS_REMEMBERED = 64
+
+
+def as_groups(process: Process, points: int) -> Groups:
+    """Each model with the indices of the points that move by it.
+
+    Raises:
+        ShapeError: models or their matrices for another number of points.
+    """
+    if isinstance(process, Sequence):
+        distinct = list({id(model): model for model in process}.values())
+        number = {id(model): index for index, model in enumerate(distinct)}
+        process = PerPoint(distinct, np.array([number[id(model)] for model in process], dtype=np.intp))
+    if isinstance(process, PerPoint):
+        if len(process.index) != points:
+            raise ShapeError(f"process is given for {len(process.index)} points; allowed: {points}, the points'")
+        groups = list(process.groups())
+    else:
+        groups = [(process, np.arange(points))]
+    for model, indices in groups:
+        for M in (model.A, model.Q):
+            if M.ndim == 3 and len(M) not in (len(indices), points):
+                raise ShapeError(f"a process has matrices for {len(M)} points; allowed: one, or {len(indices)}")
+    return groups
+
+
+def of_state(information: Floats, states: int) -> Floats:
+    """Information on positions (or more), (N, k, k), as information on the whole state, (N, n, n)."""
+    known = information.shape[-1]
+    whole = np.zeros((len(information), states, states))
+    whole[:, :known, :known] = information
+    return whole
+
+
+def position_sigma(
+    groups: Groups, information: Floats, beyond: Floats | None, smallest: Floats, wanted: Bools
+) -> Floats:
+    """m, σ∞ of the position block (Eq. 9) of K configurations at N points, (K, N); nan where not wanted or not solved.
+
+    Args:
+        information: 1/m², six entries of the position's, (K, 6, N).
+        beyond: information on the whole state, (N, n, n), of which the position block is in `information`; or None.
+        smallest: 1/m², smallest eigenvalue of the position's information, (K, N).
+        wanted: (K, N).
+
+    Raises:
+        RiccatiError: a process is at fault: it has no steady state even where all directions are measured alike.
+    """
+    sigma = np.full(wanted.shape, np.nan)
+    for model, points in groups:
+        blocks = _axis_blocks(model) if beyond is None else None
+        configuration, place = np.nonzero(wanted[:, points])
+        if len(place) == 0:
+            continue
+        if blocks is not None:
+            # The eigenvalues of the position block fall with those of J: the largest belongs to the smallest.
+            variance = position_variance(*blocks, smallest[configuration, points[place]], unsolvable="nan")
+            if not np.isfinite(variance).all():
+                _blame_the_process(model, from_six(information[configuration, :, points[place]].T))
+            sigma[configuration, points[place]] = np.sqrt(variance)
+            continue
+        for start in range(0, len(place), SYSTEMS_AT_ONCE):
+            of_k, of_n = configuration[start : start + SYSTEMS_AT_ONCE], place[start : start + SYSTEMS_AT_ONCE]
+            known = from_six(information[of_k, :, points[of_n]].T)
+            if beyond is not None:
+                known, positions = beyond[points[of_n]].copy(), known
+                known[:, :3, :3] = positions
+            prior = _covariance(_chosen(model, of_n), known)
+            sigma[of_k, points[of_n]] = largest_standard_deviation(prior[:, :3, :3])
+    return sigma
+
+
+def _axis_blocks(model: ProcessModel) -> tuple[Floats, Floats] | None:
+    """A₀ and Q₀ of a model whose axes move alike (`pss.riccati_axes`), looked up from the second time on."""
+    try:
+        return _found_axis_blocks(cast(Hashable, model))
+    except TypeError:  # a user's own model that cannot be hashed
+        return _found_axis_blocks.__wrapped__(model)
+
+
+@functools.lru_cache(maxsize=MODELS_REMEMBERED)
+def _found_axis_blocks(model: Any) -> tuple[Floats, Floats] | None:
+    return axis_blocks(model.A, model.Q, np.zeros((model.states, model.states)))
+
+
+def prior_covariance(groups: Groups, information: Floats, wanted: Bools) -> Floats:
+    """P∞, (N, n, n) with the largest n of the models; nan where it is not `wanted`, not defined or defeats Eq. 4.
+
+    Args:
+        information: of the position (N, 3, 3) in 1/m², or of the state, (N, n, n).
+        wanted: (N,).
+    """
+    states = max(model.states for model, _ in groups)
+    filled = np.full((len(wanted), states, states), np.nan)
+    for model, points in groups:
+        place = np.flatnonzero(wanted[points])
+        if len(place):
+            rows = points[place]
+            filled[rows, : model.states, : model.states] = _covariance(_chosen(model, place), information[rows])
+    return filled
+
+
+def _chosen(model: ProcessModel, places: Indices) -> ProcessModel:
+    """The model with its own matrices for some of its points, where it has one for each."""
+    return model.at(places) if isinstance(model, LinearProcess) else model
+
+
+def _covariance(model: ProcessModel, information: Floats) -> Floats:
+    """P∞ of points that move alike, (V, n, n); nan where it defeats Eq. 4."""
+    prior = steady_state_covariance_from_information(
+        model.A, model.Q, of_state(information, model.states), unsolvable="nan"
+    )
+    if not np.isfinite(prior).all():
+        _blame_the_process(model, information)
+    return prior
+
+
+def _blame_the_process(model: ProcessModel, information: Floats) -> None:
+    """Raise if the process has no steady state even where all directions are measured alike."""
+    alike = np.trace(information[:, :3, :3], axis1=-2, axis2=-1)[:, None, None] / 3 * np.eye(3)
+    steady_state_covariance_from_information(model.A, model.Q, of_state(alike, model.states))

@@ -1,0 +1,59 @@
+"""Surrogates: what is in the scene, where its points of interest lie, and what stands in the way of a line of sight.
+
+Prediction and rendering read the same objects. `Shape` is what the metric asks of an obstacle; a `Surrogate` is points
+of interest with normals, by whichever of the paper's models (section 3.4) they were chosen.
+"""
+
+from pss.surrogates.mesh import Mesh
+from pss.surrogates.orders import balanced_order, farthest_point_order
+from pss.surrogates.points import Surrogate, box_corners, convex_hull, dense_cloud, single_point
+from pss.surrogates.round_solids import Capsule, Cylinder
+from pss.surrogates.shapes import Box, Rectangle, Shape, Sphere, any_blocks
+from pss.surrogates.spread import (
+    SamplingMethod,
+    grid_on_rectangle,
+    on_box,
+    on_capsule,
+    on_cylinder,
+    on_mesh,
+    on_rectangle,
+    on_sphere,
+)
+from pss.surrogates.subsample import (
+    Subsample,
+    relative_standard_error,
+    subsample_adaptively,
+    subsample_to_budget,
+    subsample_to_tolerance,
+)
+
+__all__ = [
+    "Box",
+    "Capsule",
+    "Cylinder",
+    "Mesh",
+    "Rectangle",
+    "SamplingMethod",
+    "Shape",
+    "Sphere",
+    "Subsample",
+    "Surrogate",
+    "any_blocks",
+    "balanced_order",
+    "box_corners",
+    "convex_hull",
+    "dense_cloud",
+    "farthest_point_order",
+    "grid_on_rectangle",
+    "on_box",
+    "on_capsule",
+    "on_cylinder",
+    "on_mesh",
+    "on_rectangle",
+    "on_sphere",
+    "relative_standard_error",
+    "single_point",
+    "subsample_adaptively",
+    "subsample_to_budget",
+    "subsample_to_tolerance",
+]

@@ -1,0 +1,46 @@
+"""Checks of arguments that the shapes share, and the turn about world z that poses them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pss.errors import RangeError, ShapeError
+
+__all__ = ["check_count", "check_place", "check_positive", "turn_about_z"]
+
+Floats = NDArray[np.float64]
+
+
+def check_positive(owner: str, **sizes: float) -> None:
+    """`RangeError` unless each size is above 0, in metres."""
+    for name, value in sizes.items():
+        if not 0 < value < math.inf:
+            raise RangeError(f"{owner}.{name} = {value!r}; allowed: above 0, in metres")
+
+
+def check_place(owner: str, **places: Sequence[float]) -> None:
+    """`ShapeError` or `RangeError` unless each place is three finite metres."""
+    for name, place in places.items():
+        if len(place) != 3:
+            raise ShapeError(f"{owner}.{name} has {len(place)} numbers; allowed is 3 (x, y, z in metres)")
+        if not all(math.isfinite(x) for x in place):
+            raise RangeError(f"{owner}.{name} = {tuple(place)}; allowed: finite metres")
+
+
+def check_count(**counts: int) -> None:
+    """`RangeError` unless each is 1 or more."""
+    for name, count in counts.items():
+        if count < 1:
+            raise RangeError(f"{name} = {count!r}; allowed: 1 or more")
+
+
+def turn_about_z(vectors: Floats, turn_deg: float) -> Floats:
+    """`vectors` (..., 3) turned about world z as cameras pan: 90 degrees take +y to +x."""
+    if not math.isfinite(turn_deg):
+        raise RangeError(f"turn_deg = {turn_deg!r}; allowed: finite degrees")
+    sine, cosine = math.sin(math.radians(turn_deg)), math.cos(math.radians(turn_deg))
+    return np.asarray(vectors @ np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]]))

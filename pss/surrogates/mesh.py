@@ -1,0 +1,161 @@
+"""Triangulated surfaces as obstacles: bodies, furniture, whatever comes as a file.
+
+A mesh is a surface, not a solid: a segment that lies wholly inside a closed one meets nothing.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pss.camera import as_points
+from pss.errors import GeometryError, MissingLibraryError, RangeError, ShapeError
+from pss.surrogates._checks import check_place, check_positive, turn_about_z
+from pss.surrogates._triangle_tree import TriangleTree
+
+__all__ = ["Mesh"]
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """A surface of triangles; closed or open, of one piece or several.
+
+    Attributes:
+        vertices_m: m, (V, 3), read-only.
+        faces: (F, 3), indices of vertices, counterclockwise for who looks at the outside; read-only.
+
+    Meshes are equal if their names and numbers are.
+
+    Raises:
+        ShapeError, RangeError: arrays of wrong shape, not finite, or faces with vertices that do not exist.
+        GeometryError: no face has an area.
+    """
+
+    name: str
+    vertices_m: Floats
+    faces: Integers
+
+    def __post_init__(self) -> None:
+        vertices = as_points(self.vertices_m, "Mesh.vertices_m").copy()
+        faces = np.array(self.faces)
+        if vertices.ndim != 2:
+            raise ShapeError(f"Mesh.vertices_m has shape {vertices.shape}; allowed is (V, 3)")
+        if faces.ndim != 2 or faces.shape[1] != 3:
+            raise ShapeError(f"Mesh.faces has shape {faces.shape}; allowed is (F, 3)")
+        if len(faces) == 0:
+            raise GeometryError(f"Mesh {self.name!r} has no faces; allowed: one or more")
+        if not np.issubdtype(faces.dtype, np.integer):
+            raise RangeError(f"Mesh.faces is of {faces.dtype}; allowed: whole numbers")
+        wrong = faces[(faces < 0) | (faces >= len(vertices))]
+        if len(wrong):
+            raise RangeError(f"Mesh.faces names vertex {wrong[0]}; allowed: 0 to {len(vertices) - 1}")
+        faces = faces.astype(np.int64)
+        for name, array in (("vertices_m", vertices), ("faces", faces)):
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+        if not self.face_areas_m2.any():
+            raise GeometryError(f"Mesh {self.name!r} has no face with an area")
+
+    @classmethod
+    def from_file(cls, path: str | os.PathLike[str], *, name: str | None = None, scale: float = 1.0) -> Mesh:
+        """The mesh in a file of a format that trimesh reads without further libraries (STL, PLY, OBJ, OFF, GLB).
+
+        Axes are taken as they are in the file: no format's idea of "up" is applied.
+
+        Args:
+            name: what to call it; the file's name without its suffix if None.
+            scale: m, one unit of the file (0.001 for millimetres).
+
+        Raises:
+            RangeError, ShapeError: no such file, none that can be read, or one with numbers that are not allowed.
+            GeometryError: no triangles in it.
+            MissingLibraryError: the format needs a library that is not there.
+        """
+        check_positive("Mesh.from_file", scale=scale)
+        file = Path(path)
+        if not file.is_file():
+            raise RangeError(f"mesh {os.fspath(path)!r} is not a file; allowed: STL, PLY, OBJ, OFF or GLB")
+        # Slow to import, and nothing else of the metric needs it.
+        import trimesh
+
+        try:
+            # Unprocessed: whatever is wrong with a file is to be reported, not mended.
+            loaded = trimesh.load_mesh(file, process=False)
+            vertices, faces = np.array(loaded.vertices, dtype=float), np.array(loaded.faces)
+        except ImportError as error:
+            raise MissingLibraryError(f"mesh {os.fspath(path)!r}: {error}") from error
+        except Exception as error:
+            # Each of its readers fails in its own way on a damaged file: ValueError, IndexError, struct.error, …
+            reason = f"{type(error).__name__}: {error}"
+            raise RangeError(f"mesh {os.fspath(path)!r} cannot be read ({reason})") from error
+        if len(faces) == 0:
+            raise GeometryError(f"mesh {os.fspath(path)!r} holds no triangles")
+        return cls(file.stem if name is None else name, scale * vertices, faces)
+
+    @cached_property
+    def digest(self) -> str:
+        """Stands for vertices and faces: the same for the same numbers, on any machine."""
+        content = hashlib.sha256(f"{self.vertices_m.shape} {self.faces.shape}".encode())
+        # 0 and −0 are the same place.
+        content.update((self.vertices_m + 0.0).astype("<f8").tobytes())
+        content.update(self.faces.astype("<i8").tobytes())
+        return content.hexdigest()
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Mesh):
+            return NotImplemented
+        return self.name == other.name and self.digest == other.digest
+
+    def __hash__(self) -> int:
+        return hash((self.name, self.digest))
+
+    @cached_property
+    def corners_m(self) -> Floats:
+        """Metres, the corners of each face, (F, 3, 3)."""
+        return self.vertices_m[self.faces]
+
+    @cached_property
+    def _area_vectors(self) -> Floats:
+        """m², (F, 3): along the outward normal, as long as the face is large."""
+        first, second, third = np.moveaxis(self.corners_m, 1, 0)
+        return np.asarray(np.cross(second - first, third - first) / 2)
+
+    @property
+    def face_areas_m2(self) -> Floats:
+        """m², (F,)."""
+        return np.asarray(np.linalg.norm(self._area_vectors, axis=1))
+
+    @property
+    def face_normals(self) -> Floats:
+        """Unit normals of the faces, (F, 3); zero where a face has no area."""
+        areas = self.face_areas_m2[:, None]
+        return np.asarray(self._area_vectors / np.where(areas > 0, areas, 1.0))
+
+    @cached_property
+    def _tree(self) -> TriangleTree:
+        return TriangleTree(self.corners_m)
+
+    def blocks(self, starts_m: Floats, ends_m: Floats) -> Bools:
+        """Whether the open segments, (..., 3) each, cross the surface; shape (...).
+
+        A segment that only ends on the surface, or runs within a face, does not cross it; one through an edge or a
+        vertex that faces share does.
+        """
+        starts, ends = np.broadcast_arrays(starts_m, ends_m)
+        blocked = self._tree.crossed(starts.reshape(-1, 3), ends.reshape(-1, 3))
+        return blocked.reshape(starts.shape[:-1])
+
+    def moved(self, translation_m: tuple[float, float, float] = (0.0, 0.0, 0.0), turn_deg: float = 0.0) -> Mesh:
+        """A copy turned about world z, as cameras pan (90° take +y to +x), and then moved by `translation_m` (3,)."""
+        check_place("Mesh.moved", translation_m=translation_m)
+        return Mesh(self.name, turn_about_z(self.vertices_m, turn_deg) + np.array(translation_m), self.faces)

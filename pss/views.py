@@ -1,0 +1,247 @@
+"""What C cameras see of N points: the pinhole, the thin lens and their angles, as arrays over cameras and points.
+
+The project's only projection: `PTZCamera`'s own methods are views of one camera. Everything is computed when it is
+first asked for, over all cameras at once, since a control loop's call is too short for a loop over cameras in Python.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pss.distortion import fold_radius, stretch
+from pss.photometry import Appearance
+
+if TYPE_CHECKING:
+    from pss.camera import PTZCamera
+
+__all__ = ["Cameras", "Views"]
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+# Entries of a symmetric 3 × 3 matrix in the order xx, xy, xz, yy, yz, zz.
+UPPER = np.array(((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)))
+# Of each pair of such entries, one in the world (down) and one in the camera's frame (across), row and column.
+TO_ROW, FROM_ROW = np.meshgrid(UPPER[:, 0], UPPER[:, 0], indexing="ij")
+TO_COLUMN, FROM_COLUMN = np.meshgrid(UPPER[:, 1], UPPER[:, 1], indexing="ij")
+
+
+class Cameras:
+    """The parameters of C cameras as arrays, each with a last axis of one for the points: (C, 1), or (C, 3, 3)."""
+
+    def __init__(self, cameras: Sequence[PTZCamera]) -> None:
+        self.cameras = tuple(cameras)
+        count = len(self.cameras)
+
+        def column(values: list[float]) -> Floats:
+            return np.array(values, dtype=float).reshape(count, 1)
+
+        self.position_m = np.array([c.position_m for c in self.cameras]).reshape(count, 3)
+        self.rotation = np.array([c.rotation for c in self.cameras]).reshape(count, 3, 3)
+        self.focal_px = column([c.focal_px for c in self.cameras])
+        self.focus_distance_m = column([c.focus_distance_m for c in self.cameras])
+        self.image_distance_m = column([c.image_distance_m for c in self.cameras])
+        self.f_number = column([c.f_number for c in self.cameras])
+        self.pixel_pitch_m = column([c.pixel_pitch_m for c in self.cameras])
+        self.width = column([c.resolution[0] for c in self.cameras])
+        self.height = column([c.resolution[1] for c in self.cameras])
+        self.psf_sigma_px = column([c.psf_sigma_px for c in self.cameras])
+        self.k1 = column([c.radial_distortion[0] for c in self.cameras])
+        self.k2 = column([c.radial_distortion[1] for c in self.cameras])
+        self.distorts = bool(self.k1.any() or self.k2.any())
+
+    @cached_property
+    def focal_length_m(self) -> Floats:
+        """m, (C, 1), f_k of Eq. 14: 1/f = 1/v + 1/d."""
+        return 1 / (1 / self.image_distance_m + 1 / self.focus_distance_m)
+
+    @cached_property
+    def aperture_diameter_m(self) -> Floats:
+        """m, (C, 1), a_k of Eq. 14."""
+        return self.focal_length_m / self.f_number
+
+    @cached_property
+    def fold(self) -> Floats:
+        """Largest slope off the axis that the lens images, (C, 1); ∞ without distortion."""
+        radii = [fold_radius(*c.radial_distortion) if any(c.radial_distortion) else np.inf for c in self.cameras]
+        return np.array(radii).reshape(-1, 1)
+
+    @cached_property
+    def turn_symmetric(self) -> Floats:
+        """(C, 6, 6): takes the six entries of a symmetric matrix in the camera's frame to those in the world's."""
+        R = self.rotation
+        both = R[:, FROM_ROW, TO_ROW] * R[:, FROM_COLUMN, TO_COLUMN]
+        swapped = R[:, FROM_COLUMN, TO_ROW] * R[:, FROM_ROW, TO_COLUMN]
+        return np.asarray(both + np.where(FROM_ROW != FROM_COLUMN, swapped, 0.0))
+
+
+class Views:
+    """N points as C cameras see them. Arrays are (C, N) unless stated; behind a camera lie mirror images.
+
+    Attributes:
+        cameras: C cameras, or their `Cameras`.
+        points_m: m, (N, 3).
+        normals: unit normals of the surface at the points, (N, 3); None where no factor asks for them.
+        appearance: how the targets at the points look; None where no factor asks for it.
+    """
+
+    def __init__(
+        self,
+        cameras: Sequence[PTZCamera] | Cameras,
+        points_m: Floats,
+        normals: Floats | None = None,
+        appearance: Appearance | None = None,
+    ) -> None:
+        self.arrays = cameras if isinstance(cameras, Cameras) else Cameras(cameras)
+        self.points_m = points_m
+        self.normals = normals
+        self.appearance = appearance
+
+    @property
+    def cameras(self) -> tuple[PTZCamera, ...]:
+        """The C cameras."""
+        return self.arrays.cameras
+
+    # ---- pinhole ---------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def local_m(self) -> Floats:
+        """m in each camera's frame (x right, y down, z forward), (C, 3, N)."""
+        R = self.arrays.rotation
+        centred = self.points_m.T - self.arrays.position_m[:, :, None]
+        return np.asarray(R @ centred)
+
+    @property
+    def depth_m(self) -> Floats:
+        """m along the optical axis; negative behind the camera."""
+        return np.asarray(self.local_m[:, 2])
+
+    @cached_property
+    def range_m(self) -> Floats:
+        """m from lens centre to point, D of Eq. 11."""
+        return np.asarray(np.sqrt(np.einsum("cin,cin->cn", self.local_m, self.local_m)))
+
+    @cached_property
+    def slopes(self) -> Floats:
+        """x/z and y/z of the undistorted ray, (C, 2, N); not finite in the plane of the lens."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(self.local_m[:, :2] / self.local_m[:, 2:])
+
+    @cached_property
+    def _distortion(self) -> tuple[Floats, Floats]:
+        squared = self.slopes[:, 0] ** 2 + self.slopes[:, 1] ** 2
+        return stretch(squared, self.arrays.k1, self.arrays.k2)
+
+    @property
+    def pixels(self) -> Floats:
+        """px, (C, N, 2)."""
+        arrays, slopes = self.arrays, self.slopes
+        if arrays.distorts:
+            slopes = slopes * self._distortion[0][:, None]
+        principal = np.concatenate([arrays.width - 1, arrays.height - 1], axis=1) / 2
+        return np.swapaxes(arrays.focal_px[:, None] * slopes + principal[:, :, None], 1, 2)
+
+    @cached_property
+    def in_frustum(self) -> Bools:
+        """Whether the point is in front of the camera and on the sensor's area."""
+        arrays, depth = self.arrays, self.depth_m
+        # Half a pixel beyond the outermost pixel centres is the sensor's edge.
+        across, down = arrays.width / 2 / arrays.focal_px, arrays.height / 2 / arrays.focal_px
+        if not arrays.distorts:
+            x, y = np.abs(self.local_m[:, 0]), np.abs(self.local_m[:, 1])
+            return np.asarray((depth > 0) & (x <= across * depth) & (y <= down * depth))
+        with np.errstate(invalid="ignore", over="ignore"):
+            squared = (self.slopes**2).sum(axis=1)
+            bent = np.abs(self.slopes * self._distortion[0][:, None])
+            inside = (bent[:, 0] <= across) & (bent[:, 1] <= down) & (squared <= arrays.fold**2)
+        return np.asarray((depth > 0) & inside)
+
+    @cached_property
+    def distortion_jacobian(self) -> tuple[Floats, Floats, Floats]:
+        """∂(distorted slope)/∂(slope), symmetric: its entries xx, xy, yy, each (C, N)."""
+        factor, derivative = self._distortion
+        u, v = self.slopes[:, 0], self.slopes[:, 1]
+        return factor + 2 * derivative * u**2, 2 * derivative * u * v, factor + 2 * derivative * v**2
+
+    @property
+    def jacobian(self) -> Floats:
+        """px/m, ∂pixel/∂point, H_k of Eq. 5, (C, N, 2, 3)."""
+        arrays = self.arrays
+        u, v = self.slopes[:, 0], self.slopes[:, 1]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            scale = arrays.focal_px / self.depth_m
+            rows = np.zeros((*u.shape, 2, 3))
+            rows[..., 0, 0] = rows[..., 1, 1] = scale
+            rows[..., 0, 2], rows[..., 1, 2] = -scale * u, -scale * v
+            if arrays.distorts:
+                bend = np.empty((*u.shape, 2, 2))
+                bend[..., 0, 0], bend[..., 0, 1], bend[..., 1, 1] = self.distortion_jacobian
+                bend[..., 1, 0] = bend[..., 0, 1]
+                rows = bend @ rows
+            return np.asarray(rows @ arrays.rotation[:, None])
+
+    def image_of(self, steps_m: Floats) -> Floats:
+        """px, how far small steps (m, (N, 3)) from the points move in the image, (C, 2, N): H_k times the step."""
+        arrays = self.arrays
+        local = arrays.rotation @ steps_m.T
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            moved = (local[:, :2] - self.slopes * local[:, 2:]) * (arrays.focal_px / self.depth_m)[:, None]
+            if arrays.distorts:
+                a, b, d = self.distortion_jacobian
+                moved = np.stack([a * moved[:, 0] + b * moved[:, 1], b * moved[:, 0] + d * moved[:, 1]], axis=1)
+        return np.asarray(moved)
+
+    def information(self, weight: tuple[Floats, Floats, Floats], counted: Bools) -> Floats:
+        """1/m², HᵀWH, its six entries xx, xy, xz, yy, yz, zz on the axis before the points: (C, 6, N).
+
+        Args:
+            weight: 1/px², entries uu, uv, vv of W = R⁻¹, each (C, N) or broadcast to it.
+            counted: where it is not zero, (C, N).
+        """
+        arrays = self.arrays
+        uu, uv, vv = weight
+        u, v = self.slopes[:, 0], self.slopes[:, 1]
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            if arrays.distorts:
+                a, b, d = self.distortion_jacobian
+                uu, uv, vv = (
+                    a * a * uu + 2 * a * b * uv + b * b * vv,
+                    a * b * uu + (a * d + b * b) * uv + b * d * vv,
+                    b * b * uu + 2 * b * d * uv + d * d * vv,
+                )
+            scale = (arrays.focal_px / self.depth_m) ** 2
+            uu, uv, vv = scale * uu, scale * uv, scale * vv
+            along_u, along_v = uu * u + uv * v, uv * u + vv * v
+            entries = np.stack([uu, uv, -along_u, vv, -along_v, along_u * u + along_v * v], axis=1)
+        entries = np.where(counted[:, None], entries, 0.0)
+        return np.asarray(arrays.turn_symmetric @ entries)
+
+    # ---- angles and the thin lens ----------------------------------------------------------------------------------
+
+    @cached_property
+    def cos_off_axis(self) -> Floats:
+        """Cosine of the off-axis angle θ of Eqs. 12 and 13; nan at the lens centre."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(self.depth_m / self.range_m)
+
+    @cached_property
+    def cos_incidence(self) -> Floats:
+        """Cosine of the incidence angle α of Eq. 11, between the ray to the camera and the normal."""
+        assert self.normals is not None
+        to_camera = self.arrays.position_m @ self.normals.T - np.einsum("ni,ni->n", self.points_m, self.normals)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(to_camera / self.range_m)
+
+    @cached_property
+    def circle_of_confusion_px(self) -> Floats:
+        """px, diameter of the circle of confusion, Eq. 14, with D read as depth along the axis."""
+        arrays = self.arrays
+        a, f, d = arrays.aperture_diameter_m, arrays.focal_length_m, arrays.focus_distance_m
+        with np.errstate(divide="ignore", invalid="ignore"):
+            away = np.abs(self.depth_m - d) / np.abs(self.depth_m)
+        return np.asarray(a / arrays.pixel_pitch_m * f / (d - f) * away)  # Eq. 14

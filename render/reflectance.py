@@ -1,0 +1,98 @@
+"""Diffuse reflectance out of a Mitsuba scene file: one albedo a shape, the mean of a texture."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import numpy as np
+
+__all__ = ["DEFAULT_ALBEDO", "Reflectances"]
+
+Element = ElementTree.Element
+
+# Mitsuba's own for a diffuse bsdf that says nothing, and ours for all other bsdfs.
+DEFAULT_ALBEDO = 0.5
+CHECKERS = {"color0": 0.4, "color1": 0.2}
+# Luminance of linear Rec. 709, as Mitsuba's variants of one channel take it.
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+
+
+class Reflectances:
+    """The reflectances of a file, whose textures lie in `folder`.
+
+    `guessed` names the shapes that got the default, since their bsdf is no diffuse one that is understood.
+    """
+
+    def __init__(self, root: Element, folder: Path) -> None:
+        self.guessed: list[str] = []
+        self._folder = folder
+        self._named = {element.get("id"): element for element in root.iter() if element.tag != "ref"}
+
+    def of_shape(self, shape: Element, name: str) -> float:
+        """The albedo of a shape, 0 to 1; Mitsuba's default of 0.5 if it has no bsdf."""
+        bsdf = self._child(shape, "bsdf")
+        try:
+            albedo = DEFAULT_ALBEDO if bsdf is None else self._of_bsdf(bsdf)
+        except (ValueError, OSError):
+            self.guessed.append(name)
+            albedo = DEFAULT_ALBEDO
+        return float(np.clip(albedo, 0.0, 1.0))
+
+    def _child(self, element: Element, *tags: str, name: str | None = None) -> Element | None:
+        """The child, or what it refers to, that has one of `tags` (and the name)."""
+        for child in element:
+            found = self._named.get(child.get("id")) if child.tag == "ref" else child
+            if found is not None and found.tag in tags and (name is None or child.get("name") == name):
+                return found
+        return None
+
+    def _of_bsdf(self, bsdf: Element) -> float:
+        match bsdf.get("type"):
+            case "twosided":
+                inner = self._child(bsdf, "bsdf")
+                if inner is None:
+                    raise ValueError("two-sided nothing")
+                return self._of_bsdf(inner)
+            case "diffuse":
+                return self._value(bsdf, "reflectance", DEFAULT_ALBEDO)
+        raise ValueError("not diffuse")
+
+    def _value(self, owner: Element, name: str, default: float) -> float:
+        value = self._child(owner, "rgb", "srgb", "spectrum", "float", "texture", name=name)
+        if value is None:
+            return default
+        text = value.get("value", "")
+        match value.tag, value.get("type"):
+            case ("texture", "checkerboard"):
+                return sum(self._value(value, key, shade) for key, shade in CHECKERS.items()) / len(CHECKERS)
+            case ("texture", "bitmap"):
+                return self._mean_of_image(value)
+            case ("texture", _):
+                raise ValueError("unknown texture")
+            case ("spectrum", _) if ":" in text:
+                pairs = np.array([[float(part) for part in pair.split(":")] for pair in text.replace(",", " ").split()])
+                return float(np.trapezoid(pairs[:, 1], pairs[:, 0]) / np.ptp(pairs[:, 0]))
+        if text.startswith("#"):
+            encoded = np.array([int(text[place : place + 2], 16) for place in (1, 3, 5)]) / 255
+            return float(_linear(encoded) @ LUMINANCE)
+        numbers = [float(part) for part in text.replace(",", " ").split()]
+        return float(np.array(numbers) @ LUMINANCE) if len(numbers) == 3 else float(*numbers)
+
+    def _mean_of_image(self, texture: Element) -> float:
+        import OpenImageIO as oiio
+
+        named = {child.get("name"): child.get("value", "") for child in texture}
+        image = oiio.ImageBuf(str(self._folder / named.get("filename", "")))
+        pixels = image.get_pixels(oiio.FLOAT) if image.initialized else None
+        if pixels is None:
+            raise OSError(image.geterror())
+        if image.spec().format == oiio.UINT8 and named.get("raw") != "true":
+            pixels = _linear(pixels)
+        mean = pixels.reshape(-1, pixels.shape[-1]).mean(axis=0, dtype=float)
+        return float(mean[:3] @ LUMINANCE if len(mean) >= 3 else mean[0])
+
+
+def _linear(encoded: np.ndarray) -> np.ndarray:
+    """sRGB, 0 to 1, decoded."""
+    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)

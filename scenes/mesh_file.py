@@ -1,0 +1,155 @@
+"""Meshes and backdrops out of their files: read, posed in the room, and judged."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pss import PSSError
+from pss.surrogates import Mesh
+from render.backdrop import read_backdrop
+from render.meshes import skin
+from scenes.errors import Location, Problems, shown
+from scenes.mesh_schema import BackdropSpec, MeshSpec
+from scenes.schema import SceneSpec
+
+__all__ = ["holds", "posed", "read_files"]
+
+Floats = NDArray[np.float64]
+
+# More faces take minutes to light and a second to hash.
+MOST_FACES = 200_000
+# What is wider than this, or than the room, was most likely drawn in millimetres.
+WIDEST_M = 20.0
+
+
+def read_files(draft: SceneSpec, folder: Path, problems: Problems) -> None:
+    """Read every file that `draft` names, from `folder`, and keep what is in it beside its key."""
+    for index, item in enumerate(draft.objects or ()):
+        if isinstance(item, MeshSpec):
+            _read_mesh(item, ("objects", index), draft, folder, problems)
+    if isinstance(draft.backdrop, BackdropSpec):
+        _read_backdrop(draft.backdrop, draft, folder, problems)
+
+
+def posed(
+    mesh: Mesh,
+    position_m: tuple[float, float, float],
+    turn_deg: float = 0.0,
+    tilt_deg: float = 0.0,
+    roll_deg: float = 0.0,
+) -> Mesh:
+    """A copy rolled about its own y axis (its top to the right), tilted (its +y upwards), turned and moved."""
+    tilt, roll = math.radians(tilt_deg), math.radians(roll_deg)
+    tilted = np.array([[1, 0, 0], [0, math.cos(tilt), -math.sin(tilt)], [0, math.sin(tilt), math.cos(tilt)]])
+    rolled = np.array([[math.cos(roll), 0, math.sin(roll)], [0, 1, 0], [-math.sin(roll), 0, math.cos(roll)]])
+    turned = dataclasses.replace(mesh, vertices_m=mesh.vertices_m @ (tilted @ rolled).T)
+    return turned.moved(position_m, turn_deg)
+
+
+def holds(mesh: Mesh, point_m: Floats) -> bool:
+    """Whether a point (3,) is inside the closed pieces of `mesh`: their faces fill more than half of its view.
+
+    Each face's solid angle by van Oosterom and Strackee; those of a closed surface sum to 4π inside and 0 outside.
+    """
+    sides = skin(mesh)
+    a, b, c = np.moveaxis(sides.corners_m[~sides.open_faces] - point_m, 1, 0)
+    la, lb, lc = (np.linalg.norm(corner, axis=1) for corner in (a, b, c))
+    volume = (a * np.cross(b, c)).sum(axis=1)
+    spread = la * lb * lc + (a * b).sum(axis=1) * lc + (b * c).sum(axis=1) * la + (c * a).sum(axis=1) * lb
+    return bool(2 * np.arctan2(volume, spread).sum() > 2 * math.pi)
+
+
+def _read_mesh(item: MeshSpec, place: Location, draft: SceneSpec, folder: Path, problems: Problems) -> None:
+    if item.file is None:
+        return
+    path = folder / item.file
+    if not path.is_file():
+        problems.add((*place, "file"), "the path of a mesh (GLB, OBJ, PLY, STL, OFF), from this file; there is none")
+        return
+    try:
+        mesh = Mesh.from_file(path, name=item.name or "", scale=item.scale or 1.0)
+    except PSSError as error:
+        # The path stands before it already.
+        reason = str(error).replace(f"{str(path)!r} ", "")
+        problems.add((*place, "file"), f"a mesh with triangles (GLB, OBJ, PLY, STL, OFF); this {reason}")
+        return
+    if len(mesh.faces) > MOST_FACES:
+        problems.add((*place, "file"), f"at most {MOST_FACES} faces; this mesh has {len(mesh.faces)}")
+        return
+    if not _fits(mesh.vertices_m, place, draft, problems) or item.scale is None:
+        return
+    _warn_of_sides(mesh, place, problems)
+    if None not in (item.name, item.position_m, item.turn_deg, item.tilt_deg, item.roll_deg):
+        item._mesh = posed(mesh, item.position_m, item.turn_deg, item.tilt_deg, item.roll_deg)
+
+
+def _fits(vertices_m: Floats, place: Location, draft: SceneSpec, problems: Problems) -> bool:
+    """Whether something is not as large as if its millimetres were taken for metres."""
+    room = draft.room
+    sides = [] if room is None else [room.width_m, room.length_m, room.height_m]
+    widest = WIDEST_M if None in sides or not sides else min(WIDEST_M, max(sides))
+    width = float(np.ptp(vertices_m, axis=0).max())
+    if width <= widest:
+        return True
+    given = problems.given((*place, "scale"))
+    hint = ": in millimetres? scale = 0.001" if not given and width * 1e-3 <= widest else ""
+    what = f"a size that fits the room, at most {widest:g} m; this is {width:.4g} m wide{hint}"
+    problems.add((*place, "scale" if given else "file"), what)
+    return False
+
+
+def _warn_of_sides(mesh: Mesh, place: Location, problems: Problems) -> None:
+    sides = skin(mesh)
+    count = len(sides.open_faces)
+    if sides.open_faces.any():
+        open_faces = sides.open_faces.sum()
+        problems.warn((*place, "file"), f"not watertight: {open_faces} of {count} faces are seen from both sides")
+    if sides.turned:
+        problems.warn((*place, "file"), f"{sides.turned} of {count} faces are wound inside out, and were turned")
+
+
+def _read_backdrop(item: BackdropSpec, draft: SceneSpec, folder: Path, problems: Problems) -> None:
+    place: Location = ("backdrop",)
+    if None in (item.file, item.position_m, item.turn_deg, item.scale, item.up):
+        return
+    try:
+        backdrop = read_backdrop(folder / item.file)
+    except PSSError as error:
+        problems.add((*place, "file"), f"a Mitsuba scene (XML) with shapes; {error}")
+        return
+    for warning in backdrop.warnings:
+        problems.warn((*place, "file"), warning)
+    scaled = [dataclasses.replace(part.shape, vertices_m=item.scale * part.shape.vertices_m) for part in backdrop.parts]
+    faces = sum(len(mesh.faces) for mesh in scaled)
+    if faces > MOST_FACES:
+        problems.add((*place, "file"), f"at most {MOST_FACES} faces; its shapes have {faces}")
+        return
+    if not _fits(np.concatenate([mesh.vertices_m for mesh in scaled]), place, draft, problems):
+        return
+    tilt_deg = 90.0 if item.up == "y" else 0.0
+    item._parts = tuple(
+        dataclasses.replace(part, shape=posed(mesh, item.position_m, item.turn_deg, tilt_deg))
+        for part, mesh in zip(backdrop.parts, scaled, strict=True)
+    )
+    _warn_of_hidden(item, draft, problems)
+
+
+def _warn_of_hidden(item: BackdropSpec, draft: SceneSpec, problems: Problems) -> None:
+    room = draft.room
+    if room is None or None in (room.width_m, room.length_m, room.height_m):
+        return
+    low, high = np.array([(-room.width_m / 2, -room.length_m / 2, 0), (room.width_m / 2, room.length_m / 2, 0)])
+    high[2] = room.height_m
+    hidden = [
+        part.shape.name.removeprefix("backdrop ")
+        for part in item._parts
+        if (part.shape.vertices_m.max(axis=0) <= low).any() or (part.shape.vertices_m.min(axis=0) >= high).any()
+    ]
+    if hidden:
+        names = shown(", ".join(hidden)).strip('"')
+        problems.warn(("backdrop", "file"), f"outside the room, and hidden by its walls: {names}")
