@@ -286,7 +286,7 @@ def test_sigma_is_of_the_position_alone():
 # ---- names and randomness --------------------------------------------------------------------------------------------
 
 UNITS = ("_m", "_deg", "_s", "_ms", "_nm", "_px", "_px2", "_px2_per_m2", "_e", "_dn", "_m2_s3", "_m2_s5")
-UNITS += ("_w_per_m2_sr", "_modules", "_e_per_s", "_dn_per_e", "_um")
+UNITS += ("_w_per_m2_sr", "_modules", "_e_per_s", "_dn_per_e", "_um", "_w_per_sr")
 WITHOUT_UNIT = {
     "zoom": "a ratio",
     "max_zoom": "a ratio",
