@@ -74,7 +74,7 @@ class SweepSpec(Spec):
     seed: Annotated[int, Field(strict=True, ge=0, description="a whole number, 0 or more")]
     render_noise_ratio: Annotated[
         Number, Field(gt=0, le=10, description="a number above 0, at most 10: of the sensor's noise (σ)")
-    ] = 0.45
+    ] = 0.6
     active: Names | None = Field(None, description="a list of one or more names of cameras")
     vary: one_of("parameter", SettingSpec, SelectionSpec)
 

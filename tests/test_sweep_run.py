@@ -313,6 +313,24 @@ def test_figures_are_there(closet):
             assert image.spec().width > 300, path
 
 
+def test_figures_are_drawn_again_only_if_what_they_show_has_changed(closet):
+    """The same tables leave them as they are; one that is missing, or another number of trials, draws them anew."""
+
+    def drawn(*options) -> dict[str, int]:
+        result = run(closet, "pairs.toml", "--out", "twice", *options)
+        assert result.returncode == 0, result.stderr
+        return {path.name: path.stat().st_mtime_ns for path in (closet / "twice" / "figures").iterdir()}
+
+    first = drawn()
+    assert drawn() == first
+    (closet / "twice" / "figures" / "pairs_points.png").unlink()
+    again = drawn()
+    assert set(again) == set(first)
+    assert again != first
+    other = drawn("--trials", 2)
+    assert all(other[name] != again[name] for name in first)
+
+
 def test_views_point_into_the_store(closet):
     """The run's views/ are readable images with the camera that the table names."""
     for view in rows(closet / "first" / "views.csv"):

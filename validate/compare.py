@@ -61,8 +61,9 @@ def correlation_rows(result: SweepResult) -> list[Row]:
     cameras = str(counts.pop()) if len(counts) == 1 else "all"
     for model in result.noise_models:
         replicates = result.replicates[model]
+        yardsticks = _yardsticks(result, replicates)
         for metric in _metrics(result, model, replicates):
-            for yardstick in _yardsticks(result, replicates):
+            for yardstick in yardsticks:
                 sign = 1 if metric.higher_is_better == yardstick.higher_is_better else -1
                 found = _correlate(metric, yardstick, sign)
                 rows.append(

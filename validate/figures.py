@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import matplotlib
@@ -23,7 +26,7 @@ from validate.intervals import interval
 from validate.store import Store, atomic_path
 from validate.sweep import SweepResult
 
-__all__ = ["draw_all", "points_figure", "sweep_figure"]
+__all__ = ["all_drawn", "draw_all", "points_figure", "source_of", "sweep_figure"]
 
 Floats = NDArray[np.float64]
 
@@ -39,22 +42,52 @@ AXIS_NAMES = {
     "selection": "cameras",
 }
 DPI = 130
+SUFFIXES = ("", "_points", "_captures")
+# Tables that no figure shows and that differ from run to run.
+NOT_SHOWN = ("timings.csv",)
+
+
+def source_of(folder: Path, results: Sequence[SweepResult]) -> str:
+    """Hash of all that the figures of a run show: its tables, its files, and the code that draws them."""
+    digest = hashlib.sha256(matplotlib.__version__.encode())
+    for table in sorted(folder.glob("*.csv")):
+        if table.name not in NOT_SHOWN:
+            digest.update(table.read_bytes())
+    for result in results:
+        said = [result.plan.sweep.resolved(), result.plan.scene.resolved()]
+        digest.update(json.dumps(said, sort_keys=True).encode())
+    for module in ("figures", "illustration", "contact_sheet"):
+        digest.update((Path(__file__).parent / f"{module}.py").read_bytes())
+    return digest.hexdigest()[:24]
+
+
+def all_drawn(folder: Path, results: Sequence[SweepResult]) -> bool:
+    """Whether every figure of a run is there."""
+    names = [result.plan.sweep.name for result in results if result.assessments]
+    return all((folder / "figures" / f"{name}{suffix}.png").exists() for name in names for suffix in SUFFIXES)
 
 
 def draw_all(folder: Path, results: Sequence[SweepResult], store: Store) -> list[Path]:
     """Draw every figure of a run into `folder`/figures and return their paths."""
     drawn = []
-    for result in results:
-        if not result.assessments:
-            continue
-        name = result.plan.sweep.name
-        for suffix, figure in (("", sweep_figure(result)), ("_points", points_figure(result))):
-            path = folder / "figures" / f"{name}{suffix}.png"
-            with atomic_path(path) as temporary:
-                figure.savefig(temporary, dpi=DPI, format="png")
-            plt.close(figure)
-            drawn.append(path)
-        drawn.append(contact_sheet(folder / "figures" / f"{name}_captures.png", result, store))
+    shown = [result for result in results if result.assessments]
+    # Contact sheets unpack images and look for markers, outside Python; Matplotlib's work is Python.
+    with ThreadPoolExecutor(1) as beside:
+        sheets = [
+            beside.submit(contact_sheet, folder / "figures" / f"{result.plan.sweep.name}_captures.png", result, store)
+            for result in shown
+        ]
+        for result in shown:
+            for suffix, figure in (("", sweep_figure(result)), ("_points", points_figure(result))):
+                path = folder / "figures" / f"{result.plan.sweep.name}{suffix}.png"
+                # Saving would lay the figure out twice.
+                figure.draw_without_rendering()
+                figure.set_layout_engine("none")
+                with atomic_path(path) as temporary:
+                    figure.savefig(temporary, dpi=DPI, format="png")
+                plt.close(figure)
+                drawn.append(path)
+        drawn += [sheet.result() for sheet in sheets]
     return drawn
 
 

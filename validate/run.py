@@ -74,7 +74,9 @@ def execute(options: Options, console: Console, errors: Console) -> int:
     after_assessment = time.perf_counter()
     _write(options.folder, results, wanted, acquired, store)
     after_tables = time.perf_counter()
-    figures.draw_all(options.folder, results, store)
+    drawn_from = figures.source_of(options.folder, results)
+    if drawn_from != _figures_of_last_run(options.folder) or not figures.all_drawn(options.folder, results):
+        figures.draw_all(options.folder, results, store)
     seconds = {
         "views": after_views - begin,
         "assessment": after_assessment - after_views,
@@ -82,7 +84,7 @@ def execute(options: Options, console: Console, errors: Console) -> int:
         "figures": time.perf_counter() - after_tables,
         "total": time.perf_counter() - begin,
     }
-    _write_run(options, plans, chosen, acquired, seconds)
+    _write_run(options, plans, chosen, acquired, seconds, drawn_from)
     summary.show(results, acquired, console)
     console.print(
         f"{len({i.request.key for i in wanted})} views ({acquired.rendered} rendered, "
@@ -195,6 +197,7 @@ def _write_run(
     chosen: backend.Backend,
     acquired: Acquired,
     seconds: dict[str, float],
+    drawn_from: str,
 ) -> None:
     packages = ("mitsuba", "drjit", "opencv-contrib-python-headless", "numpy", "scipy", "OpenImageIO", "pss-testbed")
     content = {
@@ -208,8 +211,18 @@ def _write_run(
         "rendered": acquired.rendered,
         "measured": len(acquired.measured_items),
         "failed": acquired.failed,
+        "figures_drawn_from": drawn_from,
     }
     write_text(options.folder / "run.json", json.dumps(content, indent=2) + "\n")
+
+
+def _figures_of_last_run(folder: Path) -> str | None:
+    """What the figures that lie in a folder were drawn from; None where that is not known."""
+    try:
+        said = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+        return str(said["figures_drawn_from"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
 
 
 def _version(package: str) -> str:
