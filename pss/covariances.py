@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from pss.small_matrices import AT
+
 __all__ = ["from_six", "largest_standard_deviation", "mean_inverse_sigma", "root_trace", "to_six"]
 
 Floats = NDArray[np.float64]
 
-# Where the entries xx, xy, xz, yy, yz, zz stand in the full matrix.
+# Where the entries xx, xy, xz, yy, yz, zz stand in the full matrix; `AT[3]` is the way back.
 ROWS, COLUMNS = (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2)
-PLACES = ((0, 1, 2), (1, 3, 4), (2, 4, 5))
 
 
 def largest_standard_deviation(covariance: Floats) -> Floats:
@@ -33,7 +34,7 @@ def mean_inverse_sigma(sigma_m: Floats) -> float:
 
 def from_six(six: Floats) -> Floats:
     """Full matrices (N, 3, 3) of the entries xx, xy, xz, yy, yz, zz, (6, N)."""
-    return np.ascontiguousarray(np.moveaxis(six[np.array(PLACES)], -1, 0))
+    return np.ascontiguousarray(np.moveaxis(six[np.array(AT[3])], -1, 0))
 
 
 def to_six(matrices: Floats) -> Floats:

@@ -172,8 +172,7 @@ class Evaluation:
     @cached_property
     def camera_information(self) -> Floats:
         """1/m², HᵀR⁻¹H of each camera, (C, N, 3, 3); zero where it does not see the point."""
-        weight = self.task.noise.of_views(self.views).inverse(self.visible)
-        six = self.views.information(weight, self.visible)
+        six = self.task.noise.information(self.views, self.visible)
         return from_six(six.swapaxes(0, 1).reshape(6, -1)).reshape(*self.visible.shape, 3, 3)
 
 

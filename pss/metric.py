@@ -8,16 +8,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pss.camera import PTZCamera, as_points
-from pss.covariances import from_six, to_six
+from pss.covariances import to_six
 from pss.errors import RangeError, ShapeError
 from pss.evaluation import Evaluation, Evaluations, Task
 from pss.noise import NoiseModel, noise_model
-from pss.observability import smallest_eigenvalue_3x3
 from pss.photometry import Appearance
 from pss.process import RandomWalk
 from pss.riccati import measurement_information
 from pss.sensors import Sensor
-from pss.steady_state import Process, as_groups, position_sigma
+from pss.steady_state import Process, as_groups, solve
 from pss.surrogates import Shape
 from pss.views import Cameras, Views
 from pss.visibility import VISIBILITY_TESTS, VisibilityTest, visible_in
@@ -28,15 +27,11 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
-# Rays closer to parallel than double precision can tell apart carry no depth: smallest eigenvalue over trace of J.
-SMALLEST_INFORMATION_RATIO = 1e-13
 # A unit normal read from a file with seven digits is off by less.
 NORMAL_LENGTH_TOLERANCE = 1e-6
 DEFAULT_PROCESS = RandomWalk()
 # Camera–point pairs at once: large enough to hide Python, small enough for the arrays of a step to stay in the cache.
 PAIRS_AT_ONCE = 16384
-# For fewer matrices LAPACK takes less time than the calls of NumPy that the closed form is made of.
-FEWEST_IN_CLOSED_FORM = 400
 # Points at once even for thousands of cameras.
 SHORTEST_RUN = 128
 # Numbers kept of all cameras for the points at hand, before they are summed into configurations.
@@ -124,13 +119,7 @@ def evaluate_many(
     # Beyond the position only other sensors know of the state, and that for every configuration alike.
     beyond = of_sensors if of_sensors is not None and of_sensors.shape[-1] > 3 else None
 
-    smallest = _smallest_eigenvalues(information)
-    trace = information[:, 0] + information[:, 3] + information[:, 5]
-    observable = np.asarray(smallest > SMALLEST_INFORMATION_RATIO * trace)
-    sigma = position_sigma(task.processes, information, beyond, smallest, observable)
-    observable &= np.isfinite(sigma)  # a point too close to unobservable for Eq. 4 counts as what it is close to
-    with np.errstate(divide="ignore", invalid="ignore"):
-        frame_sigma = np.where(observable, 1 / np.sqrt(smallest), np.nan)
+    observable, sigma, frame_sigma = solve(task.processes, information, beyond)
     return Evaluations(task, distinct, members, visible, observable, information, beyond, sigma, frame_sigma)
 
 
@@ -169,25 +158,7 @@ def _information(cameras: Cameras, task: Task, tests: Sequence[VisibilityTest]) 
     """Who sees what, (C, n), and HᵀR⁻¹H of each camera, (C, 6, n); with Eq. 5's batch, ĤᵀR̂⁻¹Ĥ is their sum."""
     views = Views(cameras, task.points_m, task.normals, task.appearance)
     visible = visible_in(views, task.occluder, tests)
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # of points that are not seen
-        weight = task.noise.of_views(views).inverse(visible)
-    return visible, views.information(weight, visible)
-
-
-def _smallest_eigenvalues(information: Floats) -> Floats:
-    """1/m², of the matrices whose six entries are on the middle axis, (K, 6, N); shape (K, N)."""
-    K, _, N = information.shape
-    smallest = np.zeros((K, N))
-    k_at_once = max(1, PAIRS_AT_ONCE // N)
-    for k in range(0, K, k_at_once):
-        for n in range(0, N, PAIRS_AT_ONCE):
-            part = information[k : k + k_at_once, :, n : n + PAIRS_AT_ONCE]
-            measured = (part[:, 0] + part[:, 3] + part[:, 5]) > 0
-            entries = [part[:, entry][measured] for entry in range(6)]
-            few = len(entries[0]) < FEWEST_IN_CLOSED_FORM
-            found = np.linalg.eigvalsh(from_six(np.array(entries)))[:, 0] if few else smallest_eigenvalue_3x3(*entries)
-            smallest[k : k + k_at_once, n : n + PAIRS_AT_ONCE][measured] = found
-    return smallest
+    return visible, task.noise.information(views, visible)
 
 
 def _information_of_sensors(task: Task) -> Floats | None:

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from pss.covariances import from_six, largest_standard_deviation
 from pss.errors import ShapeError
+from pss.observability import smallest_eigenvalue_3x3
 from pss.own_process import LinearProcess, PerPoint
 from pss.process import ProcessModel
 from pss.riccati import steady_state_covariance_from_information
 from pss.riccati_axes import axis_blocks, position_variance
 
-__all__ = ["Process", "as_groups", "of_state", "position_sigma", "prior_covariance"]
+__all__ = ["Process", "as_groups", "of_state", "position_sigma", "prior_covariance", "resolvable", "solve"]
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -25,6 +26,12 @@ Groups = list[tuple[ProcessModel, Indices]]
 Process = ProcessModel | PerPoint | Sequence[ProcessModel]
 
 
+# Rays closer to parallel than double precision can tell apart carry no depth: smallest eigenvalue over trace of J.
+SMALLEST_INFORMATION_RATIO = 1e-13
+# For fewer matrices LAPACK takes less time than the calls of NumPy that the closed form is made of.
+FEWEST_IN_CLOSED_FORM = 400
+# 3 × 3 matrices at once: their arrays stay in the cache.
+MATRICES_AT_ONCE = 16384
 # n × n systems at once: bounds the memory of the general methods.
 SYSTEMS_AT_ONCE = 8192
 MODELS_REMEMBERED = 64
@@ -48,7 +55,7 @@ def as_groups(process: Process, points: int) -> Groups:
         groups = [(process, np.arange(points))]
     for model, indices in groups:
         for M in (model.A, model.Q):
-            if M.ndim == 3 and len(M) not in (len(indices), points):
+            if M.ndim == 3 and len(M) != len(indices):
                 raise ShapeError(f"a process has matrices for {len(M)} points; allowed: one, or {len(indices)}")
     return groups
 
@@ -59,6 +66,53 @@ def of_state(information: Floats, states: int) -> Floats:
     whole = np.zeros((len(information), states, states))
     whole[:, :known, :known] = information
     return whole
+
+
+def solve(groups: Groups, information: Floats, beyond: Floats | None) -> tuple[Bools, Floats, Floats]:
+    """Which of N points are observable in each of K configurations, σ∞ and √λmax of C in m; (K, N) each, nan if not.
+
+    Args:
+        information, beyond: as in `position_sigma`.
+
+    Raises:
+        RiccatiError: as `position_sigma`.
+    """
+    observable, smallest = resolvable(information)
+    sigma = position_sigma(groups, information, beyond, smallest, observable)
+    observable &= np.isfinite(sigma)  # a point too close to unobservable for Eq. 4 counts as what it is close to
+    frame_sigma = np.full(smallest.shape, np.nan)
+    frame_sigma[observable] = 1 / np.sqrt(smallest[observable])
+    return observable, sigma, frame_sigma
+
+
+def resolvable(information: Floats) -> tuple[Bools, Floats]:
+    """Whether measurements fix all three coordinates as far as double precision can tell, and λmin in 1/m².
+
+    Args:
+        information: 1/m², entries xx, xy, xz, yy, yz, zz, (K, 6, N).
+
+    Returns:
+        (K, N) both; λmin is 0 where nothing is measured.
+    """
+    trace = information[:, 0] + information[:, 3] + information[:, 5]
+    smallest = _smallest_eigenvalues(information, trace > 0)
+    return np.asarray(smallest > SMALLEST_INFORMATION_RATIO * trace), smallest
+
+
+def _smallest_eigenvalues(information: Floats, measured: Bools) -> Floats:
+    """1/m², of the matrices whose six entries are on the middle axis, (K, 6, N), zero if not `measured`; (K, N)."""
+    K, _, N = information.shape
+    smallest = np.zeros((K, N))
+    k_at_once = max(1, MATRICES_AT_ONCE // max(N, 1))
+    for k in range(0, K, k_at_once):
+        for n in range(0, N, MATRICES_AT_ONCE):
+            rows, columns = slice(k, k + k_at_once), slice(n, n + MATRICES_AT_ONCE)
+            chosen = measured[rows, columns]
+            entries = [information[rows, entry, columns][chosen] for entry in range(6)]
+            few = len(entries[0]) < FEWEST_IN_CLOSED_FORM
+            found = np.linalg.eigvalsh(from_six(np.array(entries)))[:, 0] if few else smallest_eigenvalue_3x3(*entries)
+            smallest[rows, columns][chosen] = found
+    return smallest
 
 
 def position_sigma(

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from pss.covariances import COLUMNS, ROWS
 from pss.distortion import fold_radius, stretch
 from pss.photometry import Appearance
 
@@ -24,11 +25,9 @@ __all__ = ["Cameras", "Views"]
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-# Entries of a symmetric 3 × 3 matrix in the order xx, xy, xz, yy, yz, zz.
-UPPER = np.array(((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)))
-# Of each pair of such entries, one in the world (down) and one in the camera's frame (across), row and column.
-TO_ROW, FROM_ROW = np.meshgrid(UPPER[:, 0], UPPER[:, 0], indexing="ij")
-TO_COLUMN, FROM_COLUMN = np.meshgrid(UPPER[:, 1], UPPER[:, 1], indexing="ij")
+# Of each pair of entries xx, xy, …, one in the world (down) and one in the camera's frame (across), row and column.
+TO_ROW, FROM_ROW = np.meshgrid(ROWS, ROWS, indexing="ij")
+TO_COLUMN, FROM_COLUMN = np.meshgrid(COLUMNS, COLUMNS, indexing="ij")
 
 
 class Cameras:
@@ -45,8 +44,6 @@ class Cameras:
         self.rotation = np.array([c.rotation for c in self.cameras]).reshape(count, 3, 3)
         self.focal_px = column([c.focal_px for c in self.cameras])
         self.focus_distance_m = column([c.focus_distance_m for c in self.cameras])
-        self.image_distance_m = column([c.image_distance_m for c in self.cameras])
-        self.f_number = column([c.f_number for c in self.cameras])
         self.pixel_pitch_m = column([c.pixel_pitch_m for c in self.cameras])
         self.width = column([c.resolution[0] for c in self.cameras])
         self.height = column([c.resolution[1] for c in self.cameras])
@@ -57,13 +54,18 @@ class Cameras:
 
     @cached_property
     def focal_length_m(self) -> Floats:
-        """m, (C, 1), f_k of Eq. 14: 1/f = 1/v + 1/d."""
-        return 1 / (1 / self.image_distance_m + 1 / self.focus_distance_m)
+        """m, (C, 1), f_k of Eq. 14."""
+        return np.array([[c.focal_length_m] for c in self.cameras]).reshape(-1, 1)
 
     @cached_property
     def aperture_diameter_m(self) -> Floats:
         """m, (C, 1), a_k of Eq. 14."""
-        return self.focal_length_m / self.f_number
+        return np.array([[c.aperture_diameter_m] for c in self.cameras]).reshape(-1, 1)
+
+    @cached_property
+    def principal_point_px(self) -> Floats:
+        """px, (C, 2)."""
+        return np.array([c.principal_point_px for c in self.cameras]).reshape(-1, 2)
 
     @cached_property
     def fold(self) -> Floats:
@@ -143,8 +145,7 @@ class Views:
         arrays, slopes = self.arrays, self.slopes
         if arrays.distorts:
             slopes = slopes * self._distortion[0][:, None]
-        principal = np.concatenate([arrays.width - 1, arrays.height - 1], axis=1) / 2
-        return np.swapaxes(arrays.focal_px[:, None] * slopes + principal[:, :, None], 1, 2)
+        return np.swapaxes(arrays.focal_px[:, None] * slopes + arrays.principal_point_px[:, :, None], 1, 2)
 
     @cached_property
     def in_frustum(self) -> Bools:

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pss.metric
+import pss.steady_state
 from pss import (
     ConstantAcceleration,
     ConstantVelocity,
@@ -57,6 +58,7 @@ def scene_points():
 def test_many_configurations_are_what_each_is_alone(monkeypatch, pairs_at_once):
     """Of any size, empty too, sharing cameras or not, in blocks of any size."""
     monkeypatch.setattr(pss.metric, "PAIRS_AT_ONCE", pairs_at_once)
+    monkeypatch.setattr(pss.steady_state, "MATRICES_AT_ONCE", pairs_at_once)
     monkeypatch.setattr(pss.metric, "SHORTEST_RUN", min(pairs_at_once, 128))
     rng = np.random.default_rng(0)
     chosen = [sorted(rng.choice(7, size, replace=False)) for size in (0, 1, 2, 3, 7, 4, 2)]
@@ -222,6 +224,8 @@ def test_a_camera_at_the_point_or_beyond_it_does_not_see_it():
             result = evaluate([at, past, level, CAMERAS[2], CAMERAS[4]], POINT, NORMAL, noise=name)
             np.testing.assert_array_equal(result.visible[:, 0], [False, False, False, True, True])
             assert np.isfinite(result.sigma_m).all()
+            np.testing.assert_allclose(result.camera_information.sum(axis=0), result.information, rtol=1e-9, atol=1e-9)
+            assert result.noise_px2.shape == (5, 1, 2, 2)
     with pytest.raises(GeometryError, match="depth 0"):
         at.project(POINT)
 

@@ -94,7 +94,6 @@ def acquire(
             acquired.failed[item.request.key] = "its measurement is missing from the store"
         else:
             acquired.measured[item] = measurement
-            acquired.certificates[item.request.key] = read_certificate(store.view(item.request.key))
     return acquired
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import matplotlib
@@ -70,24 +69,17 @@ def all_drawn(folder: Path, results: Sequence[SweepResult]) -> bool:
 def draw_all(folder: Path, results: Sequence[SweepResult], store: Store) -> list[Path]:
     """Draw every figure of a run into `folder`/figures and return their paths."""
     drawn = []
-    shown = [result for result in results if result.assessments]
-    # Contact sheets unpack images and look for markers, outside Python; Matplotlib's work is Python.
-    with ThreadPoolExecutor(1) as beside:
-        sheets = [
-            beside.submit(contact_sheet, folder / "figures" / f"{result.plan.sweep.name}_captures.png", result, store)
-            for result in shown
-        ]
-        for result in shown:
-            for suffix, figure in (("", sweep_figure(result)), ("_points", points_figure(result))):
-                path = folder / "figures" / f"{result.plan.sweep.name}{suffix}.png"
-                # Saving would lay the figure out twice.
-                figure.draw_without_rendering()
-                figure.set_layout_engine("none")
-                with atomic_path(path) as temporary:
-                    figure.savefig(temporary, dpi=DPI, format="png")
-                plt.close(figure)
-                drawn.append(path)
-        drawn += [sheet.result() for sheet in sheets]
+    for result in results:
+        if not result.assessments:
+            continue
+        name = result.plan.sweep.name
+        for suffix, figure in (("", sweep_figure(result)), ("_points", points_figure(result))):
+            path = folder / "figures" / f"{name}{suffix}.png"
+            with atomic_path(path) as temporary:
+                figure.savefig(temporary, dpi=DPI, format="png")
+            plt.close(figure)
+            drawn.append(path)
+        drawn.append(contact_sheet(folder / "figures" / f"{name}_captures.png", result, store))
     return drawn
 
 

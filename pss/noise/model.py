@@ -46,10 +46,15 @@ class NoiseModel:
 
     def of_views(self, views: Views) -> PixelCovariance:
         """px², R_k in every one of `views`: arrays that broadcast to (C, N)."""
-        total = self.factors[0].covariance(views)
-        for factor in self.factors[1:]:
-            total = total + factor.covariance(views)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # of points that are not seen
+            total = self.factors[0].covariance(views)
+            for factor in self.factors[1:]:
+                total = total + factor.covariance(views)
         return total
+
+    def information(self, views: Views, visible: NDArray[np.bool_]) -> Floats:
+        """1/m², HᵀR⁻¹H of each camera, entries xx, xy, xz, yy, yz, zz, (C, 6, N); zero where not `visible` (C, N)."""
+        return views.information(self.of_views(views).inverse(visible), visible)
 
     def covariance(
         self, camera: PTZCamera, points_m: ArrayLike, normals: ArrayLike, appearance: Appearance | None = None

@@ -10,8 +10,6 @@ import dataclasses
 from collections.abc import Callable
 from typing import TypeVar
 
-import numpy as np
-
 from pss.covariances import from_six, mean_inverse_sigma, to_six
 from pss.evaluation import Evaluation
 from pss.metric_table import Metric
@@ -26,8 +24,7 @@ from pss.noise import (
     Weighted,
 )
 from pss.rivals.covariance import PIXEL_VARIANCE_PX2
-from pss.rivals.shared import known
-from pss.steady_state import position_sigma
+from pss.steady_state import solve
 
 __all__ = ["ABLATIONS", "evaluation_with", "own_factor"]
 
@@ -42,25 +39,20 @@ def evaluation_with(evaluation: Evaluation, noise: NoiseModel) -> Evaluation:
     task = dataclasses.replace(evaluation.task, noise=noise)
     if not evaluation.cameras:
         return dataclasses.replace(evaluation, task=task)
-    views, visible = evaluation.views, evaluation.visible
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # of points that are not seen
-        weight = noise.of_views(views).inverse(visible)
-    six = views.information(weight, visible).sum(axis=0)
+    six = noise.information(evaluation.views, evaluation.visible).sum(axis=0)
     if task.sensors:
         six += to_six(evaluation.information[:, :3, :3] - evaluation.camera_information.sum(axis=0))
     information = evaluation.information.copy()
     information[:, :3, :3] = from_six(six)
     beyond = information if information.shape[-1] > 3 else None
-    observable, smallest = known(six)
-    sigma = position_sigma(task.processes, six[None], beyond, smallest[None], observable[None])[0]
-    observable &= np.isfinite(sigma)
+    observable, sigma, frame_sigma = (array[0] for array in solve(task.processes, six[None], beyond))
     return dataclasses.replace(
         evaluation,
         task=task,
         observable=observable,
         information=information,
         sigma_m=sigma,
-        single_frame_sigma_m=np.where(observable, 1 / np.sqrt(np.where(observable, smallest, 1.0)), np.nan),
+        single_frame_sigma_m=frame_sigma,
     )
 
 

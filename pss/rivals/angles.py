@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss.evaluation import Evaluation
-from pss.metric import SMALLEST_INFORMATION_RATIO
 from pss.metric_table import Metric
 from pss.rivals.shared import Pairs, both_conventions, view_pairs
+from pss.steady_state import SMALLEST_INFORMATION_RATIO
 
 __all__ = [
     "ANGLE_METRICS",

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss.evaluation import Evaluation
-from pss.metric import SMALLEST_INFORMATION_RATIO
 from pss.metric_table import Metric
 from pss.rivals.occlusion import VERTICAL
 from pss.rivals.shared import both_conventions, directions, view_pairs
+from pss.steady_state import SMALLEST_INFORMATION_RATIO
 
 __all__ = ["PLANAR_METRICS", "planar_variance_m2", "planar_weights"]
 

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from pss.covariances import to_six
 from pss.evaluation import Evaluation
-from pss.metric import SMALLEST_INFORMATION_RATIO
 from pss.metric_table import Metric, Status
-from pss.observability import smallest_eigenvalue_3x3
+from pss.steady_state import resolvable
 
 __all__ = ["Pairs", "both_conventions", "camera_six", "directions", "known", "largest_sigma_m", "view_pairs"]
 
@@ -74,11 +73,8 @@ def known(six: Floats) -> tuple[Bools, Floats]:
     Returns:
         (M,) both; λmin is 0 where nothing is measured.
     """
-    trace = six[0] + six[3] + six[5]
-    measured = trace > 0
-    smallest = np.zeros(six.shape[1])
-    smallest[measured] = smallest_eigenvalue_3x3(*six[:, measured])
-    return np.asarray(smallest > SMALLEST_INFORMATION_RATIO * trace), smallest
+    fixed, smallest = resolvable(six[None])
+    return fixed[0], smallest[0]
 
 
 def largest_sigma_m(six: Floats) -> Floats:
