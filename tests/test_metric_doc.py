@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import pss
+from scenes import known_sweeps
 
 PAGE = (Path(__file__).parents[1] / "docs" / "metric.md").read_text(encoding="utf-8")
 # Relative; a few roundings.
@@ -60,6 +61,12 @@ def _walk(place, name):
         way.append((here, part))
         here = getattr(here, part, None)
     return way
+
+
+def test_the_sensitivity_table_has_all_shipped_sweeps():
+    """A sweep that is added changes what the command prints: the page's table is then an old one."""
+    header = next(line for line in PAGE.splitlines() if line.startswith("| model | constant |"))
+    assert re.findall(r"ρ ([\w-]+)", header) == list(known_sweeps())
 
 
 @pytest.mark.parametrize("model", ["as-printed", "corrected"])
