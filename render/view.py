@@ -21,7 +21,7 @@ from pss import ImageSensor, PTZCamera, RangeError
 from pss.surrogates import Mesh
 from render import backend, glow, lens
 from render.sampling import RingLight, Sampled, Sampling, film_samples, pixel_means, sample_image
-from render.sensor import capture, expected_electrons, fixed_pattern
+from render.sensor import capture, expected_electrons, fixed_pattern, saturated_share
 from render.state import SceneState
 
 __all__ = ["Certificate", "RenderedView", "Renderer", "ViewRequest", "random_stream", "state_key"]
@@ -29,7 +29,7 @@ __all__ = ["Certificate", "RenderedView", "Renderer", "ViewRequest", "random_str
 Floats = NDArray[np.floating]
 
 # Raised whenever the code changes what is rendered, so that stored views of older code are not taken for today's.
-RENDER_VERSION = 4
+RENDER_VERSION = 5
 # An edge crosses a marker's pixel where the samples within it spread (σ) by more than this many times its sensor noise.
 EDGE_SPREAD = 0.5
 # Side of the window over which the certificate pools the noise of edge pixels.
@@ -80,11 +80,12 @@ def random_stream(seed: int, key: str, stream: str, trial: int = 0) -> np.random
 
 @dataclass(frozen=True)
 class Certificate:
-    """Sampling noise over sensor noise (σ/σ), estimated from two independent half renders, and the samples spent.
+    """What a view says of itself: sampling noise over sensor noise (σ/σ), from two independent half renders, and more.
 
     `edge_*` are over the pixels of markers that an edge crosses (nan where there is none), `image_*` over all pixels.
     The tails of sharp edges are heavy: over one view, `edge_rms` is good to a factor of about 1.6. A pixel's own noise,
     of which two halves give one sample, is pooled with that of the edge's pixels around it for the percentiles.
+    `samples` were spent on all of it; `saturated_share` (0 to 1) of the pixels on markers reach the sensor's saturation.
     """
 
     edge_rms: float
@@ -93,6 +94,7 @@ class Certificate:
     image_rms: float
     image_p999: float
     samples: int
+    saturated_share: float
 
     def meets(self, noise_ratio: float) -> bool:
         """Whether the 99.9th percentile over the edges of markers is within the bound that was asked."""
@@ -177,7 +179,7 @@ class Renderer:
             normal,
             marker,
             capture(electrons, sensor, random_stream(0, request.key, "sample capture"), fixed_pattern(camera, sensor)),
-            certify(image, noise, marker),
+            certify(image, noise, marker, saturated_share(electrons[marker >= 0], sensor)),
         )
 
     def _first_hits(
@@ -224,7 +226,10 @@ class Renderer:
 
 
 def certify(
-    image: Sampled, noise: Callable[[NDArray[np.float32]], NDArray[np.float32]], marker: NDArray[np.int32]
+    image: Sampled,
+    noise: Callable[[NDArray[np.float32]], NDArray[np.float32]],
+    marker: NDArray[np.int32],
+    saturated: float,
 ) -> Certificate:
     """State the sampling noise that two half renders of a view show."""
     sigma = noise(image.mean)
@@ -242,6 +247,7 @@ def certify(
         image_rms=float(np.sqrt(np.mean(ratio**2))),
         image_p999=float(np.percentile(pooled[on_edge], 99.9)) if on_edge.any() else 0.0,
         samples=image.samples,
+        saturated_share=saturated,
     )
 
 

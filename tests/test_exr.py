@@ -48,7 +48,7 @@ def request_and_view() -> tuple[ViewRequest, RenderedView]:
         (normal / np.linalg.norm(normal, axis=-1, keepdims=True)).astype(np.float32),
         marker,
         capture,
-        Certificate(0.1, 1 / 3, float("nan"), 1e-7, 0.4, 123_456_789),
+        Certificate(0.1, 1 / 3, float("nan"), 1e-7, 0.4, 123_456_789, 0.25),
     )
     return request, view
 

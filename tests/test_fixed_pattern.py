@@ -190,7 +190,7 @@ def test_a_measurement_has_one_pattern_for_all_trials(tmp_path, monkeypatch):
         np.dstack([flat] * 3),
         np.full((HEIGHT, WIDTH), -1, dtype=np.int32),
         np.zeros((HEIGHT, WIDTH), dtype=np.uint16),
-        Certificate(0.1, 0.1, 0.1, 0.1, 0.1, 1),
+        Certificate(0.1, 0.1, 0.1, 0.1, 0.1, 1, 0.0),
     )
     path = Store(tmp_path).view(request.key)
     path.parent.mkdir(parents=True)
