@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter
+from scipy.ndimage import maximum_filter, minimum_filter
 from scipy.stats import qmc
 
 from pss import PTZCamera
@@ -28,6 +28,8 @@ Floats32 = NDArray[np.float32]
 
 # A pixel is sampled anew if it needs more than this many doublings beyond what the pilot said.
 POWERS_SHORT = 1
+# Rounds of sampling after the pilot, each planned by what the one before has shown.
+MOST_ROUNDS = 5
 ITSELF = np.array([[0, 0, 0], [0, 1, 0], [0, 0, 0]], dtype=bool)
 AROUND = ~ITSELF
 RAYS_AT_ONCE = 1 << 24
@@ -129,10 +131,13 @@ def sample_image(
     spent += fill(np.ones(width * height, dtype=bool))
     # What the pilot's few samples all missed, such as the sliver of an edge in a pixel's corner, may show in the
     # neighbours by now. The pixel's own samples have no say: to keep them because they look quiet would bias them.
-    second = _needed_exponent(halves.mean(axis=0), variance, AROUND, resolution, sensor_noise, sampling)
-    short = second > exponent + POWERS_SHORT
-    exponent[short] = second[short]
-    spent += fill(short)
+    for _ in range(MOST_ROUNDS - 1):
+        second = _needed_exponent(halves.mean(axis=0), variance, AROUND, resolution, sensor_noise, sampling)
+        short = second > exponent + POWERS_SHORT
+        if not short.any():
+            break
+        exponent[short] = second[short]
+        spent += fill(short)
     first, other = halves.reshape(2, height, width)
     return Sampled((first + other) / 2, first - other, variance.reshape(height, width), spent)
 
@@ -145,12 +150,18 @@ def _needed_exponent(
     sensor_noise: Callable[[Floats32], Floats32],
     sampling: Sampling,
 ) -> NDArray[np.int64]:
-    """Power of two of the samples that each pixel needs, (height · width,), by the worst variance in `footprint`."""
+    """Power of two of the samples that each pixel needs, (height · width,), by the worst in `footprint`."""
     width, height = resolution
+    mean = mean.reshape(height, width)
+    noise = sensor_noise(mean)
     # An edge may miss the few samples of one pixel and show in the next.
     worst = maximum_filter(variance.reshape(height, width), footprint=footprint)
-    excess = np.sqrt(worst) / (AIM * sampling.noise_ratio * sensor_noise(mean.reshape(height, width)))
-    wanted = np.clip(excess ** (1 / CONVERGENCE_EXPONENT), sampling.fewest, sampling.most)
+    by_spread = (np.sqrt(worst) / (AIM * sampling.noise_ratio * noise)) ** (1 / CONVERGENCE_EXPONENT)
+    # Where an edge runs between two pixels, both are flat but for a sliver. One that a net of n samples misses is
+    # narrower than 1/n of the pixel: what two halves of n/2 know of it is good to (σ) less than the contrast over n.
+    contrast = maximum_filter(mean, footprint=footprint) - minimum_filter(mean, footprint=footprint)
+    by_contrast = contrast / (sampling.noise_ratio * noise)
+    wanted = np.clip(np.maximum(by_spread, by_contrast), sampling.fewest, sampling.most)
     return np.ceil(np.log2(wanted)).astype(np.int64).ravel()
 
 
