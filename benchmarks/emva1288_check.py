@@ -7,8 +7,8 @@ still has `np.int`, so it runs in an environment of its own, whose interpreter `
 
     python3 -m venv ../emva && ../emva/bin/pip install "numpy<1.24" "scipy<1.11" lxml pillow emva1288==1.0.2
 
-Prints a table in Markdown for each sensor, draws docs/figures/photon-transfer.png and cos4.png, and exits with 1 if a
-figure is off by more than its uncertainty.
+Prints a table in Markdown for each sensor, draws photon-transfer.png, cos4.png and ring-light.png in docs/figures, and
+exits with 1 if a figure is off by more than its uncertainty, or a law by more than 2 %.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ from numpy.typing import NDArray
 if __package__ in (None, ""):  # run as a script: the project's root is the parent of this file's folder
     sys.path[0] = str(Path(__file__).resolve().parents[1])
 
-from benchmarks.sensor_figures import draw_fall_off, draw_photon_transfer
+from benchmarks.ring_light_figure import draw_ring_light
+from benchmarks.sensor_figures import BAND, draw_fall_off, draw_photon_transfer
 from pss import ImageSensor
 from scenes import load_scene
 from scenes.sensor_file import known_sensors
@@ -195,8 +196,10 @@ def main() -> int:
     sensor = load_scene(ROOT / "scenes" / "room.toml", [f"sensor.name={name}"]).sensor
     law = draw_photon_transfer(options.figures / "photon-transfer.png", sensor, options.seed)
     fall_off = draw_fall_off(options.figures / "cos4.png", sensor, options.seed)
+    ring_light = draw_ring_light(options.figures / "ring-light.png")
     print(f"\nphoton transfer law: within {law:.2%} at every level; cos⁴ θ: within {fall_off:.2%} at every ring")
-    return 0 if good and law < 0.02 and fall_off < 0.02 else 1
+    print(f"ring light: within {ring_light:.2%} of I cos α/D² at every distance and angle")
+    return 0 if good and max(law, fall_off, ring_light) < BAND else 1
 
 
 if __name__ == "__main__":

@@ -1,7 +1,16 @@
 """Views as OpenEXR files: layers for the eye, and a header from which camera and sensor come back bit for bit.
 
-Channels: `Y` radiance in W/(m² sr); `capture` one noisy exposure in digital numbers; `depth.Z` in m along the axis;
-`normal.X/Y/Z` in the world; `marker.id` (−1: none).
+A channel's name before its last dot is its layer, as programs that show OpenEXR group them:
+
+| layer | channels | type | what |
+|---|---|---|---|
+| (first) | `Y` | float | radiance in W/(m² sr) |
+| `capture` | `capture.Y` | float | one noisy exposure, whole digital numbers (DN) |
+| `depth` | `depth.Z` | float | m along the optical axis, of what the pixel's centre hits; inf: nothing |
+| `normal` | `normal.X`, `.Y`, `.Z` | half | unit vector in the world |
+| `marker` | `marker.id` | float | id of the marker whose plate is hit, a whole number; −1: none |
+
+`Y` is what those programs show as luminance, and so are the captures.
 """
 
 from __future__ import annotations
@@ -23,7 +32,14 @@ from render.view import RENDER_VERSION, Certificate, RenderedView, ViewRequest
 __all__ = ["ImageFileError", "read_certificate", "read_view", "write_view"]
 
 # OpenEXR's channels, in the order in which they are written.
-CHANNELS = ("Y", "capture", "depth.Z", "normal.X", "normal.Y", "normal.Z", "marker.id")
+CHANNELS = ("Y", "capture.Y", "depth.Z", "normal.X", "normal.Y", "normal.Z", "marker.id")
+UNITS = {
+    "Y": "W/(m2 sr)",
+    "capture.Y": "digital numbers",
+    "depth.Z": "m along the optical axis",
+    "normal": "unit vector in the world",
+    "marker.id": "number of the marker, -1 where there is none",
+}
 # float32 where a number is measured; half would cut a 12-bit capture and the third digit of depth.
 TYPES = ("float", "float", "float", "half", "half", "half", "float")
 # zlib at its fastest level: 0.5 s and 9.6 MB a view of 1280 × 960; higher levels save 1 %.
@@ -72,7 +88,7 @@ def header(view: RenderedView, request: ViewRequest) -> dict[str, str]:
         "K": camera.intrinsic_matrix.tolist(),
         "R": camera.rotation.tolist(),
         "t_m": camera.translation_m.tolist(),
-        "units": {"Y": "W/(m2 sr)", "capture": "digital numbers", "depth.Z": "m along the optical axis"},
+        "units": UNITS,
     }
     return {f"pss:{name}": value if isinstance(value, str) else json.dumps(value) for name, value in content.items()}
 
@@ -98,7 +114,7 @@ def read_view(path: Path) -> RenderedView:
             np.ascontiguousarray(planes["depth.Z"]),
             np.dstack([planes[f"normal.{axis}"] for axis in "XYZ"]),
             planes["marker.id"].astype(np.int32),
-            planes["capture"].astype(np.uint16),
+            planes["capture.Y"].astype(np.uint16),
             Certificate(**_attribute(path, spec, "certificate")),
         )
 
@@ -115,11 +131,16 @@ def read_certificate(path: Path) -> Certificate:
 
 @contextlib.contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    """OpenImageIO's reader of an image; what its header lacks or says wrong is raised as `ImageFileError`."""
+    """OpenImageIO's reader of a view; a channel that is missing, and a wrong header, are raised as `ImageFileError`.
+
+    So a view of older code that a store may hold is made again, and not found to be unreadable when it is measured.
+    """
     image = oiio.ImageInput.open(str(path))
     if image is None:
         raise ImageFileError(f"{path}: {oiio.geterror()}")
     try:
+        if missing := set(CHANNELS) - set(image.spec().channelnames):
+            raise ImageFileError(f"{path}: no channel {', '.join(sorted(missing))}; allowed are views of this version")
         yield image
     except (KeyError, TypeError, ValueError) as error:
         raise ImageFileError(f"{path}: {error}; allowed are views that this project wrote") from error

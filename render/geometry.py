@@ -63,6 +63,7 @@ class Surface:
     Attributes:
         mesh_m: m, the largest cell of its tessellation.
         radiance: W/(m² sr) that it emits by itself (lamps).
+        object_number: of the object it belongs to, in the scene state's order; −1 for the room and the lamps.
     """
 
     name: str
@@ -70,6 +71,7 @@ class Surface:
     albedo: float
     mesh_m: float
     radiance: float = 0.0
+    object_number: int = -1
 
     def triangles(self) -> tuple[Floats, Floats, Integers]:
         """Vertices (V, 3) in metres, their unit normals (V, 3), and faces (F, 3)."""
@@ -106,13 +108,13 @@ def tile_sphere(sphere: Sphere, subdivisions: int) -> tuple[Floats, Integers]:
 def surfaces(state: SceneState) -> list[Surface]:
     """Everything in the scene but lamps and markers."""
     found = _room(state.room)
-    for item in state.objects:
-        shape = item.shape
-        if isinstance(shape, Sphere | Mesh):
-            found.append(Surface(shape.name, shape, item.albedo, OBJECT_MESH_M))
+    for number, item in enumerate(state.objects):
+        shape: Sphere | Mesh | tuple[Tile, ...]
+        if isinstance(item.shape, Sphere | Mesh):
+            shape = item.shape
         else:
-            tiles = _board(shape) if isinstance(shape, Rectangle) else _box(shape)
-            found.append(Surface(shape.name, tiles, item.albedo, OBJECT_MESH_M))
+            shape = _board(item.shape) if isinstance(item.shape, Rectangle) else _box(item.shape)
+        found.append(Surface(item.shape.name, shape, item.albedo, OBJECT_MESH_M, object_number=number))
     return found
 
 

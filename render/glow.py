@@ -34,6 +34,7 @@ class GlowMeshes:
         plates_m: m, corners of the markers' plates (N, 4, 3): top left, top right, bottom right, bottom left.
         textures: W/(m² sr) of the plates, (N, T, T).
         marker_ids: (N,).
+        vertex_objects, plate_objects: numbers of the objects they belong to, (V,) and (N,); −1: the room's, or a lamp.
     """
 
     vertices_m: Floats
@@ -42,18 +43,22 @@ class GlowMeshes:
     plates_m: Floats
     textures: NDArray[np.float32]
     marker_ids: NDArray[np.int64]
+    vertex_objects: NDArray[np.int64]
+    plate_objects: NDArray[np.int64]
 
 
 def bake(state: SceneState, light: Radiosity | UnitLight) -> GlowMeshes:
     """Look the irradiance up on all surfaces and plates of `state`."""
-    vertices, faces, radiance, count = [], [], [], 0
+    vertices, faces, radiance, owners, count = [], [], [], [], 0
     for surface in [*surfaces(state), *lamps(state)]:
         points, _, triangles = surface.triangles()
         vertices.append(points)
         faces.append(triangles + count)
         radiance.append(_leaving(surface, len(points), light))
+        owners.append(np.full(len(points), surface.object_number))
         count += len(points)
-    plates, textures = [], []
+    plates, textures, plate_owners = [], [], []
+    numbers = {item.shape.name: number for number, item in enumerate(state.objects)}
     for marker in state.markers:
         modules = len(pattern(state.print.dictionary, marker.id)) + 2 * state.print.quiet_zone_modules
         corners = plate_corners(marker, modules)
@@ -64,6 +69,8 @@ def bake(state: SceneState, light: Radiosity | UnitLight) -> GlowMeshes:
         vertices.append(back)
         faces.append(np.array([[0, 2, 1], [0, 3, 2]]) + count)
         radiance.append(state.print.white_albedo / np.pi * light.irradiance(back, behind))
+        plate_owners.append(numbers.get(marker.object_name, -1))
+        owners.append(np.full(len(back), plate_owners[-1]))
         count += len(back)
         textures.append(plate_texture(state.print, marker.id, corner_irradiance))
     texels = len(textures[0]) if textures else 1
@@ -74,6 +81,8 @@ def bake(state: SceneState, light: Radiosity | UnitLight) -> GlowMeshes:
         np.array(plates).reshape(-1, 4, 3),
         np.array(textures, dtype=np.float32).reshape(-1, texels, texels),
         np.array([marker.id for marker in state.markers], dtype=np.int64),
+        np.concatenate(owners),
+        np.array(plate_owners, dtype=np.int64),
     )
 
 

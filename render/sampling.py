@@ -20,6 +20,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from scipy.stats import qmc
 
 from pss import PTZCamera
+from render.emission import Emission
 from render.lens_effects import PlaceOnFilm
 
 __all__ = ["RingLight", "Sampled", "Sampling", "film_samples", "pixel_means", "sample_image"]
@@ -178,10 +179,16 @@ def pixel_means(
 
     width, height = (int(n) for n in sensor.film().crop_size())
     place = PlaceOnFilm(camera, mi) if camera is not None else None
+    emission = Emission(scene, mi)
     if ring is not None:
         # Data, not constants: another camera compiles nothing new.
         intensity = dr.opaque(mi.Float, ring.intensity_w_per_sr)
         origin = mi.Point3f(*(dr.opaque(mi.Float, x) for x in ring.position_m))
+
+        def lit_by_ring(point: Any, normal: Any) -> Any:
+            away = point - origin
+            squared = dr.squared_norm(away)
+            return intensity * dr.maximum(-dr.dot(normal, away), 0) * dr.rsqrt(squared) / squared
 
     def gather(values: NDArray[np.uint32], where: Any) -> Any:
         return dr.gather(mi.UInt32, mi.UInt32(values), where)
@@ -203,12 +210,7 @@ def pixel_means(
             at, through = place.film(x, y, u[0], u[1]), place.aperture(through)
             film = mi.Point2f(at.x / width, at.y / height)
         ray, _ = sensor.sample_ray(0.0, 0.5, film, through)
-        hit = scene.ray_intersect(ray, mi.RayFlags.All, True)
-        radiance = hit.emitter(scene).eval(hit)[0]
-        if ring is not None:
-            away = hit.p - origin
-            squared = dr.squared_norm(away)
-            radiance *= intensity * dr.maximum(-dr.dot(hit.n, away), 0) * dr.rsqrt(squared) / squared
+        radiance = emission.radiance(ray, lit_by_ring if ring is not None else None)
         total = dr.block_sum(radiance, count)
         total_of_squares = dr.block_sum(radiance * radiance, count)
         mean = total / count

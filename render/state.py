@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pss import Box, RangeError, Rectangle, Sphere
 from pss.surrogates import Mesh
 
-__all__ = ["Light", "Marker", "MarkerPrint", "Panel", "Room", "SceneObject", "SceneState"]
+__all__ = ["Light", "Marker", "MarkerPrint", "Motion", "Panel", "Room", "SceneObject", "SceneState"]
 
 Floats = NDArray[np.float64]
 
@@ -98,11 +98,27 @@ class Marker:
 
 
 @dataclass(frozen=True)
+class Motion:
+    """How a rigid thing moves while the shutter is open; it is where its shape says at the middle of the exposure.
+
+    Attributes:
+        velocity_m_per_s: m/s in the world, (3,).
+        turn_rate_deg_per_s: °/s about the world's axes, (3,): its direction is the axis, by the right-hand rule.
+        about_m: m, a point that the axis goes through, (3,).
+    """
+
+    velocity_m_per_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    turn_rate_deg_per_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    about_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
 class SceneObject:
-    """A shape with its diffuse reflectance (0 to 1)."""
+    """A shape with its diffuse reflectance (0 to 1), and its motion during an exposure (None: at rest)."""
 
     shape: Rectangle | Sphere | Box | Mesh
     albedo: float
+    motion: Motion | None = None
 
 
 @dataclass(frozen=True)

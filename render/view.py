@@ -19,7 +19,7 @@ from scipy.ndimage import maximum_filter, uniform_filter
 
 from pss import ImageSensor, PTZCamera, RangeError
 from pss.surrogates import Mesh
-from render import backend, glow, lens
+from render import backend, glow, lens, motion
 from render.sampling import RingLight, Sampled, Sampling, film_samples, pixel_means, sample_image
 from render.sensor import capture, expected_electrons, fixed_pattern, saturated_share
 from render.state import SceneState
@@ -85,7 +85,7 @@ class Certificate:
     `edge_*` are over the pixels of markers that an edge crosses (nan where there is none), `image_*` over all pixels.
     The tails of sharp edges are heavy: over one view, `edge_rms` is good to a factor of about 1.6. A pixel's own noise,
     of which two halves give one sample, is pooled with that of the edge's pixels around it for the percentiles.
-    `samples` were spent on all of it; `saturated_share` (0 to 1) of the pixels on markers reach the sensor's saturation.
+    `samples` were spent on all of it; of the pixels on markers, `saturated_share` (0 to 1) reach saturation.
     """
 
     edge_rms: float
@@ -129,14 +129,16 @@ class RenderedView:
 
 
 class Renderer:
-    """Renders views of one scene state: Mitsuba's scene is loaded once."""
+    """Renders views of one scene state: Mitsuba's scene is loaded once, or once for each instant of an exposure."""
 
     def __init__(self, state: SceneState, meshes: glow.GlowMeshes, chosen: backend.Backend) -> None:
         self.state = state
         self.name = chosen.identity
         self._mi = backend.start(chosen)
+        self._meshes = meshes
         self._scene = glow.load_scene(meshes, self._mi)
         self._ids = meshes.marker_ids
+        self._at: dict[float, Any] = {}
 
     def request(self, camera: PTZCamera, sensor: ImageSensor, sampling: Sampling) -> ViewRequest:
         """The request of a view of this scene state by this renderer."""
@@ -158,14 +160,18 @@ class Renderer:
         intensity = self.state.light.ring_w_per_sr
         ring = RingLight(camera.position_m, intensity) if intensity > 0 else None
         extra = camera.psf_sigma_um > 0 or camera.aperture_blades > 0 or any(camera.radial_distortion)
-        if self._mi.variant().startswith("scalar"):
-            if extra or ring is not None:
-                raise RangeError(
-                    "psf_sigma_um, aperture_blades, radial_distortion and ring lights; allowed with LLVM or CUDA alone"
-                )
-            sampler = film_samples(self._scene, mitsuba_sensor, self._mi)
-        else:
-            sampler = pixel_means(self._scene, mitsuba_sensor, self._mi, camera if extra else None, ring)
+        scalar = self._mi.variant().startswith("scalar")
+        if scalar and (extra or ring is not None):
+            raise RangeError(
+                "psf_sigma_um, aperture_blades, radial_distortion and ring lights; allowed with LLVM or CUDA alone"
+            )
+        samplers = [
+            film_samples(scene, mitsuba_sensor, self._mi)
+            if scalar
+            else pixel_means(scene, mitsuba_sensor, self._mi, camera if extra else None, ring)
+            for scene in self._over_exposure(camera, sensor.exposure_ms * 1e-3)
+        ]
+        sampler = motion.over_shutter(samplers) if len(samplers) > 1 else samplers[0]
         rng = random_stream(0, request.key, "render")
         image = sample_image(sampler, camera.resolution, noise, request.sampling, rng)
         depth, normal, marker = self._first_hits(camera, mitsuba_sensor)
@@ -182,10 +188,25 @@ class Renderer:
             certify(image, noise, marker, saturated_share(electrons[marker >= 0], sensor)),
         )
 
+    def _over_exposure(self, camera: PTZCamera, exposure_s: float) -> list[Any]:
+        """Mitsuba's scenes at instants of the exposure: one where nothing moves as far as the camera can tell."""
+        if not any(item.motion for item in self.state.objects):
+            return [self._scene]
+        times = motion.instants(motion.travel_px(self._meshes, self.state, camera, exposure_s), exposure_s)
+        if len(times) == 1:
+            return [self._scene]
+        for time in times:
+            if time not in self._at:
+                self._at[time] = glow.load_scene(motion.moved(self._meshes, self.state, time), self._mi)
+        return [self._at[time] for time in times]
+
     def _first_hits(
         self, camera: PTZCamera, mitsuba_sensor: Any
     ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int32]]:
-        """Depth, normal and marker number along the ray from the lens centre through each pixel's centre."""
+        """Depth, normal and marker number along the ray from the lens centre through each pixel's centre.
+
+        What moves is taken where it is at the middle of the exposure.
+        """
         mi = self._mi
         width, height = camera.resolution
         film_x, film_y = lens.straight_film(camera)

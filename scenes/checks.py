@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 
 import numpy as np
 
 from pss import Box, GeometryError, PTZCamera, RangeError, Rectangle, Sphere
-from pss.camera import MOST_BLADES
 from pss.surrogates import Mesh, Shape
 from scenes.errors import Location, Problems, allowed_in
 from scenes.mesh_file import holds
 from scenes.mesh_schema import MeshSpec
+from scenes.optics import FAR_M, check_optics
 from scenes.schema import NOISE_FACTORS, BoxSpec, CameraSpec, LightSpec, RectangleSpec, RoomSpec, SceneSpec, SphereSpec
+from scenes.spec import known, present
 
-__all__ = ["check_names", "check_scene", "extent_m", "inside_room", "known", "room_allows", "room_size", "shape_of"]
+__all__ = ["check_names", "check_scene", "extent_m", "inside_room", "room_allows", "room_size", "shape_of"]
 
 # Walls, floor and boxes may touch; sums of decimal fractions are off by less than this.
 TOUCHING_M = 1e-9
@@ -23,8 +23,6 @@ TOUCHING_M = 1e-9
 MESH_TOUCHING_M = 1e-5
 # Boards closer to a wall than this fight with it for the same pixels.
 OFF_THE_WALL_M = 1e-3
-# Beyond the image distance of any lens: it keeps the focus out of the check of another setting.
-FAR_M = 1e9
 
 
 def check_scene(draft: SceneSpec, problems: Problems) -> None:
@@ -32,13 +30,11 @@ def check_scene(draft: SceneSpec, problems: Problems) -> None:
     check_names(("cameras",), draft.cameras, "camera", problems)
     check_names(("objects",), draft.objects, "object", problems)
     _check_panels(draft, problems)
-    _check_sensor(draft, problems)
-    _check_lens(draft, problems)
+    check_optics(draft, problems)
     _check_light(draft, problems)
-    for index, camera in _present(draft.cameras):
+    for index, camera in present(draft.cameras):
         _check_pose(("cameras", index), camera, draft, problems)
-        _check_settings(("cameras", index), camera, draft, problems)
-    for index, item in _present(draft.objects):
+    for index, item in present(draft.objects):
         _check_object(("objects", index), item, draft.room, problems)
     _check_noise(draft, problems)
 
@@ -46,20 +42,11 @@ def check_scene(draft: SceneSpec, problems: Problems) -> None:
 def check_names(location: Location, items: Iterable | None, noun: str, problems: Problems) -> None:
     """No two items have one name."""
     seen: set[str] = set()
-    for index, item in _present(items):
+    for index, item in present(items):
         if item.name in seen:
             problems.add((*location, index, "name"), f"a name that no other {noun} has")
         elif item.name is not None:
             seen.add(item.name)
-
-
-def _present(items: Iterable | None) -> Iterator[tuple[int, object]]:
-    return ((index, item) for index, item in enumerate(items or ()) if item is not None)
-
-
-def known(*values: object) -> bool:
-    """Whether all of these parts of a draft are valid."""
-    return all(value is not None for value in values)
 
 
 # ---- the room ------------------------------------------------------------------------------------------------------
@@ -85,7 +72,7 @@ def room_allows(size_m: tuple[float, float, float]) -> str:
 
 def _check_panels(draft: SceneSpec, problems: Problems) -> None:
     size = room_size(draft.room)
-    for index, panel in _present(draft.light.panels if draft.light is not None else None):
+    for index, panel in present(draft.light.panels if draft.light is not None else None):
         if size is None or not known(panel.centre_m, panel.size_m):
             continue
         edges = np.abs(panel.centre_m) + np.array(panel.size_m) / 2
@@ -102,14 +89,6 @@ def _pair(numbers: tuple[float, float]) -> str:
 
 
 # ---- cameras -------------------------------------------------------------------------------------------------------
-
-
-def _check_sensor(draft: SceneSpec, problems: Problems) -> None:
-    sensor = draft.sensor
-    if sensor is not None and known(sensor.bits, sensor.black_level_dn):
-        highest = 2**sensor.bits - 2
-        if sensor.black_level_dn > highest:
-            problems.add(("sensor", "black_level_dn"), f"0 to {highest} with {sensor.bits} bits")
 
 
 def _check_pose(place: Location, camera: CameraSpec, draft: SceneSpec, problems: Problems) -> None:
@@ -154,60 +133,6 @@ def _check_light(draft: SceneSpec, problems: Problems) -> None:
     for key in other:
         if key in said:
             problems.add(("light", key), f'not beside kind = "{light.kind}"')
-
-
-def _check_lens(draft: SceneSpec, problems: Problems) -> None:
-    """Blades of a polygon, and a distortion that does not fold the image of the camera with the widest view."""
-    lens, sensor = draft.lens, draft.sensor
-    if lens is None:
-        return
-    if lens.aperture_blades in (1, 2):
-        problems.add(("lens", "aperture_blades"), f"0 (round), or a whole number from 3 to {MOST_BLADES}")
-    zooms = [camera.zoom for camera in draft.cameras or () if camera is not None and known(camera.zoom)]
-    if sensor is None or not zooms or not known(sensor.resolution_px, lens.radial_distortion, lens.widest_fov_deg):
-        return
-    try:
-        camera = PTZCamera(
-            (0, 0, 0),
-            0,
-            0,
-            zoom=max(1.0, min(zooms)),
-            max_zoom=math.inf,
-            focus_distance_m=FAR_M,
-            resolution=sensor.resolution_px,
-            widest_fov_deg=lens.widest_fov_deg,
-            radial_distortion=lens.radial_distortion,
-        )
-        camera.undistorted_px((-0.5, -0.5))
-    except RangeError as error:
-        allowed = allowed_in(error)
-        problems.add(("lens", "radial_distortion"), f"what images all of the sensor at the smallest zoom, {allowed}")
-
-
-def _check_settings(place: Location, camera: CameraSpec, draft: SceneSpec, problems: Problems) -> None:
-    """Zoom and focus, as `PTZCamera` itself judges them, each beside harmless values of the rest."""
-    lens, sensor = draft.lens, draft.sensor
-    optics = {}
-    if lens is not None:
-        optics |= {"max_zoom": lens.max_zoom, "widest_fov_deg": lens.widest_fov_deg}
-    # Without a valid upper limit the lower one still holds.
-    optics = {key: value for key, value in optics.items() if value is not None}
-    optics.setdefault("max_zoom", math.inf)
-    zoom_fits = camera.zoom is not None
-    if zoom_fits:
-        try:
-            PTZCamera((0, 0, 0), 0, 0, zoom=camera.zoom, focus_distance_m=FAR_M, **optics)
-        except RangeError as error:
-            zoom_fits = False
-            problems.add((*place, "zoom"), allowed_in(error))
-    if not zoom_fits or sensor is None or "widest_fov_deg" not in optics:
-        return
-    if known(camera.focus_distance_m, sensor.resolution_px, sensor.pixel_pitch_um):
-        optics |= {"resolution": sensor.resolution_px, "pixel_pitch_m": sensor.pixel_pitch_um * 1e-6}
-        try:
-            PTZCamera((0, 0, 0), 0, 0, zoom=camera.zoom, focus_distance_m=camera.focus_distance_m, **optics)
-        except RangeError as error:
-            problems.add((*place, "focus_distance_m"), allowed_in(error))
 
 
 # ---- objects -------------------------------------------------------------------------------------------------------

@@ -11,13 +11,14 @@ import numpy as np
 
 from pss import Rectangle, Sphere
 from render.state import Marker
-from scenes.checks import extent_m, inside_room, known, room_allows, room_size, shape_of
+from scenes.checks import extent_m, inside_room, room_allows, room_size, shape_of
 from scenes.dictionaries import DICTIONARIES, Dictionary
 from scenes.errors import Location, Problems, nearest
 from scenes.layout import largest_spiral_module_m, markers_on, overlapping, placed_marker, plate_corners_m, plate_side_m
 from scenes.mesh_schema import MeshSpec, SpreadSpec
 from scenes.plates import Solid, stand_off_problem
 from scenes.schema import GridSpec, PlacedSpec, SceneSpec, SpiralSpec
+from scenes.spec import known
 from scenes.spread import spread_over
 
 __all__ = ["check_markers"]

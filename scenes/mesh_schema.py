@@ -8,6 +8,7 @@ from pydantic import Field, PrivateAttr
 
 from pss.surrogates import Mesh
 from render.state import Marker, SceneObject
+from scenes.motion_schema import MovingSpec
 from scenes.quantities import Albedo, Degrees, FilePath, MarkerId, Metres, Millimetres, Point
 from scenes.spec import Count, Name, Positive, Spec
 
@@ -27,7 +28,7 @@ class SpreadSpec(Spec):
     seed: Annotated[int, Field(strict=True, ge=0, description="a whole number, 0 or more")] = 0
 
 
-class MeshSpec(Spec):
+class MeshSpec(MovingSpec):
     """A mesh out of a file: rolled, tilted, turned, and then moved so that its own origin lies at `position_m`."""
 
     name: Name

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any
 
 from pss import ConstantAcceleration, ConstantVelocity, ImageSensor, NoiseModel, PTZCamera, RandomWalk, noise_model
 from pss.process import ProcessModel
+from render.exposure import AutoExposure
 from render.state import Light, Marker, MarkerPrint, Panel, Room, SceneObject, SceneState
 from scenes.checks import check_scene, shape_of
 from scenes.document import SWEEP_PREFIX, apply_overrides, read_toml
@@ -17,6 +19,7 @@ from scenes.layout import markers_on, placed_marker
 from scenes.marker_checks import check_markers
 from scenes.mesh_file import read_files
 from scenes.mesh_schema import MeshSpec
+from scenes.motion_schema import motion_of
 from scenes.schema import (
     CameraSpec,
     ConstantAccelerationSpec,
@@ -43,10 +46,11 @@ class Scene:
         path: of the file.
         state: room, light, objects and markers.
         cameras: with their settings, in the file's order.
-        sensor: the one that all cameras have.
+        sensor: the one that all cameras have; with `auto_exposure` its exposure is no more than the longest allowed.
         process: how the points of interest move.
         noise_models: the R_k whose predictions a run compares, with the sensor's own dark noise.
         warnings: what was accepted but may not be as the user thinks, a line each.
+        auto_exposure: what the exposure is yet to be chosen for (`with_exposure`); None if the file says a number.
     """
 
     path: Path
@@ -57,6 +61,7 @@ class Scene:
     noise_models: tuple[NoiseModel, ...]
     _spec: SceneSpec = field(repr=False)
     warnings: tuple[str, ...] = ()
+    auto_exposure: AutoExposure | None = None
 
     def camera(self, name: str) -> PTZCamera:
         """The camera called `name`.
@@ -69,6 +74,20 @@ class Scene:
             hint, _ = nearest(name, names)
             raise SceneError([f'{self.path}: there is no camera "{name}"{hint}; allowed: {", ".join(names)}'])
         return self.cameras[names.index(name)]
+
+    @property
+    def widest_f_number(self) -> float:
+        """The smallest f-number that the lens has."""
+        return self._spec.lens.widest_f_number
+
+    def with_exposure(self, exposure_ms: float) -> Scene:
+        """The same scene at this exposure, as if its file said the number."""
+        chosen = {"exposure_ms": exposure_ms, "auto_exposure_share": None, "longest_exposure_ms": None}
+        spec = self._spec.model_copy(update={"sensor": self._spec.sensor.model_copy(update=chosen)})
+        sensor = _sensor(spec)
+        return dataclasses.replace(
+            self, sensor=sensor, noise_models=_noise_models(spec, sensor), _spec=spec, auto_exposure=None
+        )
 
     def resolved(self) -> dict[str, Any]:
         """The file's contents with overrides and defaults filled in: plain, JSON-serialisable, a valid scene itself."""
@@ -102,18 +121,10 @@ def load_scene(path: str | Path, overrides: Iterable[str] = ()) -> Scene:
         cameras=tuple(_camera(camera, spec) for camera in spec.cameras),
         sensor=sensor,
         process=_process(spec),
-        noise_models=tuple(
-            noise_model(
-                name,
-                switched_off=spec.noise.switched_off if name in OF_THE_PAPER else (),
-                ccd_noise=sensor.ccd_noise,
-                px2_per_m2=spec.noise.px2_per_m2,
-                sensor=sensor,
-            )
-            for name in spec.noise.models
-        ),
+        noise_models=_noise_models(spec, sensor),
         _spec=spec,
         warnings=tuple(problems.warnings),
+        auto_exposure=_auto_exposure(spec),
     )
 
 
@@ -131,7 +142,10 @@ def _state(spec: SceneSpec) -> SceneState:
         room=Room(**spec.room.model_dump()),
         light=_light(spec.light),
         objects=(
-            *(SceneObject(shape, item.albedo) for item, shape in zip(spec.objects, shapes, strict=True)),
+            *(
+                SceneObject(shape, item.albedo, motion_of(item, shape, getattr(item, "position_m", None)))
+                for item, shape in zip(spec.objects, shapes, strict=True)
+            ),
             *(spec.backdrop._parts if spec.backdrop is not None else ()),
         ),
         markers=tuple(markers),
@@ -148,7 +162,29 @@ def _light(spec: LightSpec) -> Light:
 
 def _sensor(spec: SceneSpec) -> ImageSensor:
     # Resolution and pitch of the pixels are geometry: the cameras carry them.
-    return ImageSensor(**spec.sensor.model_dump(exclude={"name", "resolution_px", "pixel_pitch_um"}))
+    said = spec.sensor.model_dump(include={item.name for item in dataclasses.fields(ImageSensor)})
+    auto = _auto_exposure(spec)
+    return ImageSensor(**(said if auto is None else said | {"exposure_ms": auto.longest_ms}))
+
+
+def _auto_exposure(spec: SceneSpec) -> AutoExposure | None:
+    if spec.sensor.exposure_ms != "auto":
+        return None
+    said = {"share": spec.sensor.auto_exposure_share, "longest_ms": spec.sensor.longest_exposure_ms}
+    return AutoExposure(**{name: value for name, value in said.items() if value is not None})
+
+
+def _noise_models(spec: SceneSpec, sensor: ImageSensor) -> tuple[NoiseModel, ...]:
+    return tuple(
+        noise_model(
+            name,
+            switched_off=spec.noise.switched_off if name in OF_THE_PAPER else (),
+            ccd_noise=sensor.ccd_noise,
+            px2_per_m2=spec.noise.px2_per_m2,
+            sensor=sensor,
+        )
+        for name in spec.noise.models
+    )
 
 
 def _camera(spec: CameraSpec, scene: SceneSpec) -> PTZCamera:

@@ -14,8 +14,10 @@ from pydantic import Field
 from pss import NOISE_MODELS, noise_model
 from pss.camera import MAX_ABS_TILT_DEG, MOST_BLADES
 from pss.photometry import LARGEST_PRNU_SHARE
+from render.exposure import AutoExposure
 from scenes.dictionaries import DICTIONARIES
 from scenes.mesh_schema import BackdropSpec, MeshSpec
+from scenes.motion_schema import MovingSpec
 from scenes.quantities import Albedo, Degrees, Direction, MarkerId, Metres, Millimetres, Point
 from scenes.sensor_file import known_sensors
 from scenes.spec import Count, Item, Name, Number, Positive, Spec, one_of
@@ -33,6 +35,9 @@ __all__ = [
 ]
 
 NOISE_FACTORS = tuple(factor.name for factor in noise_model(NOISE_MODELS[0]).factors)
+
+# The aperture beyond which the rays to the middle of the image would come from behind it (sine condition, in air).
+FASTEST_F_NUMBER = 0.5
 
 Size = Annotated[Number, Field(gt=0)]
 PixelCount = Annotated[int, Field(strict=True, ge=16, le=20000)]
@@ -98,7 +103,16 @@ class SensorSpec(SensorFileSpec):
     """[sensor]: one for all cameras. With `name` it starts from that sensor, and its own keys go before."""
 
     name: Annotated[str, Field(strict=True)] | None = Field(None, description=", ".join(known_sensors()))
-    exposure_ms: Annotated[Positive, Field(description="a number above 0, in milliseconds")]
+    exposure_ms: Annotated[
+        Positive | Literal["auto"], Field(description='a number above 0, in milliseconds, or "auto"')
+    ]
+    # No numbers for defaults: beside an exposure in numbers, these keys say nothing.
+    auto_exposure_share: Annotated[Number, Field(gt=0, le=1)] | None = Field(
+        None, description=f"a number above 0, at most 1, of the saturation (without it, {AutoExposure.share:g})"
+    )
+    longest_exposure_ms: Positive | None = Field(
+        None, description=f"a number above 0, in milliseconds (without it, {AutoExposure.longest_ms:g})"
+    )
 
     # Another name is another sensor, not the old one's numbers under a new name.
     replaces: ClassVar = {"name": tuple(SensorFileSpec.model_fields)}
@@ -108,6 +122,10 @@ class LensSpec(Spec):
     """[lens]: one for all cameras, which only differ in their settings."""
 
     f_number: Positive
+    widest_f_number: Annotated[
+        Number,
+        Field(ge=FASTEST_F_NUMBER, description=f"a number, {FASTEST_F_NUMBER} or more (no lens in air is faster)"),
+    ] = FASTEST_F_NUMBER
     widest_fov_deg: Annotated[Positive, Field(lt=180, description="a number above 0 and below 180, in degrees")]
     max_zoom: Annotated[Number, Field(ge=1, description="a number, 1 or more")]
     radial_distortion: Annotated[
@@ -173,7 +191,7 @@ class SpiralSpec(Spec):
     first_id: MarkerId
 
 
-class RectangleSpec(Spec):
+class RectangleSpec(MovingSpec):
     """A thin board."""
 
     name: Name
@@ -187,7 +205,7 @@ class RectangleSpec(Spec):
     markers: GridSpec | None = None
 
 
-class SphereSpec(Spec):
+class SphereSpec(MovingSpec):
     """A ball."""
 
     name: Name
@@ -198,7 +216,7 @@ class SphereSpec(Spec):
     markers: SpiralSpec | None = None
 
 
-class BoxSpec(Spec):
+class BoxSpec(MovingSpec):
     """An axis-parallel box between two corners."""
 
     name: Name

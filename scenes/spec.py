@@ -7,6 +7,7 @@ keys at once (a camera outside the room) can run beside pydantic's own.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from typing import Annotated, Any, ClassVar, Literal, TypeVar, Union, get_args, get_origin
 
 from pydantic import (
@@ -34,8 +35,10 @@ __all__ = [
     "Spec",
     "allowed_keys",
     "child_tables",
+    "known",
     "narrowed",
     "one_of",
+    "present",
     "validate",
 ]
 
@@ -153,6 +156,19 @@ def _described(tables: tuple[type[Spec], ...]) -> str:
     return " or ".join(f"a table with {', '.join(allowed_keys(table))}" for table in tables)
 
 
+# ---- parts of a draft ---------------------------------------------------------------------------------------------
+
+
+def present(items: Iterable[Any] | None) -> Iterator[tuple[int, Any]]:
+    """Those of a draft's list that are valid, with their indices."""
+    return ((index, item) for index, item in enumerate(items or ()) if item is not None)
+
+
+def known(*values: object) -> bool:
+    """Whether all of these parts of a draft are valid."""
+    return all(value is not None for value in values)
+
+
 # ---- walking from a document to the tables that describe it --------------------------------------------------------
 
 
@@ -161,8 +177,9 @@ def _fields(table: type[Spec]) -> dict[str, Any]:
 
 
 def allowed_keys(table: type[Spec]) -> list[str]:
-    """The keys that `table` may have."""
-    return list(_fields(table))
+    """The keys that `table` may have, its own before those that it shares with other tables."""
+    own = table.__annotations__
+    return sorted(_fields(table), key=lambda key: key not in own)
 
 
 def tables_in(annotation: Any) -> tuple[type[Spec], ...]:

@@ -15,6 +15,7 @@ from pydantic import Field
 from pss import PTZCamera, RangeError
 from scenes.document import SWEEP_PREFIX, apply_overrides, read_toml
 from scenes.errors import Location, Problems, SceneError, allowed_in, nearest
+from scenes.optics import aperture_allows
 from scenes.spec import Name, Number, Spec, one_of, validate
 
 if TYPE_CHECKING:
@@ -243,6 +244,8 @@ def _settings(
             try:
                 varied = camera.name in vary.cameras
                 cameras.append(dataclasses.replace(camera, **{vary.parameter: value}) if varied else camera)
+                if varied and vary.parameter == "f_number" and value < scene.widest_f_number:
+                    refused.setdefault(aperture_allows(scene.widest_f_number), []).append(camera.name)
             except RangeError as error:
                 refused.setdefault(_culprit(error, vary.parameter), []).append(camera.name)
         for allowed, names in refused.items():

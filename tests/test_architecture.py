@@ -32,6 +32,7 @@ ALLOWED = {
     ): "starts the variant, after it has chosen a libLLVM; all others get the module from it",
     ("render/lens.py", "drjit"): "makes settings data of the compiled code; runs after the backend has started",
     ("render/sampling.py", "drjit"): "sums samples into pixels; runs after the backend has started",
+    ("render/emission.py", "drjit"): "looks up what surfaces send back; runs after the backend has started",
     ("render/lens_effects.py", "drjit"): "bends and blurs where samples go; runs after the backend has started",
     ("render/view.py", "drjit"): "casts the rays for depth and normals; runs after the backend has started",
 }

@@ -24,6 +24,7 @@ from pss import (
     noise_model,
 )
 from pss.noise import DistanceIncidence, IdentityNoise, NoiseModel
+from render.exposure import AutoExposure
 from render.geometry import surfaces
 from render.lens import film_position, sensor_dict
 from render.state import Light, Marker, MarkerPrint, Panel, Room, SceneState
@@ -286,7 +287,7 @@ def test_sigma_is_of_the_position_alone():
 # ---- names and randomness --------------------------------------------------------------------------------------------
 
 UNITS = ("_m", "_deg", "_s", "_ms", "_nm", "_px", "_px2", "_px2_per_m2", "_e", "_dn", "_m2_s3", "_m2_s5")
-UNITS += ("_w_per_m2_sr", "_modules", "_e_per_s", "_dn_per_e", "_um", "_w_per_sr")
+UNITS += ("_w_per_m2_sr", "_modules", "_e_per_s", "_dn_per_e", "_um", "_w_per_sr", "_m_per_s", "_deg_per_s")
 WITHOUT_UNIT = {
     "zoom": "a ratio",
     "max_zoom": "a ratio",
@@ -301,6 +302,7 @@ WITHOUT_UNIT = {
     "bits": "a count",
     "quantum_efficiency": "a ratio",
     "prnu_share": "a ratio",
+    "share": "a ratio",
     "radial_distortion": "factors of slopes",
     "aperture_blades": "a count",
 }
@@ -314,6 +316,7 @@ NUMBERS = re.compile(r"\b(float|int|Floats)\b")
         pss.noise.DistanceIncidence,
         pss.noise.Resolution,
         IdentityNoise,
+        AutoExposure,
         ImageSensor,
         Marker,
         MarkerPrint,

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
+from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio
 import pytest
 
+import render.exr
 from pss import ImageSensor, PSSError, PTZCamera
-from render.exr import ImageFileError, read_certificate, read_view, write_view
+from render.exr import CHANNELS, ImageFileError, read_certificate, read_view, write_view
 from render.sampling import Sampling
 from render.state import Light, MarkerPrint, Room, SceneState
 from render.view import RENDER_VERSION, Certificate, RenderedView, ViewRequest
@@ -99,7 +102,7 @@ def test_other_programs_see_the_layers(path):
     formats = [str(spec.channelformat(channel)) for channel in range(spec.nchannels)]
     assert dict(zip(spec.channelnames, formats, strict=True)) == {
         "Y": "float",
-        "capture": "float",
+        "capture.Y": "float",
         "depth.Z": "float",
         "marker.id": "float",
         "normal.X": "half",
@@ -107,6 +110,37 @@ def test_other_programs_see_the_layers(path):
         "normal.Z": "half",
     }
     assert spec.get_string_attribute("compression") == "zip"
+
+
+def test_channels_group_as_layers(path):
+    """What stands before a name's last dot is its layer; the first layer and the captures have a luminance to show."""
+    layers: dict[str, set[str]] = {}
+    for name in oiio.ImageBuf(str(path)).spec().channelnames:
+        layer, _, channel = name.rpartition(".")
+        layers.setdefault(layer, set()).add(channel)
+    assert layers == {"": {"Y"}, "capture": {"Y"}, "depth": {"Z"}, "normal": {"X", "Y", "Z"}, "marker": {"id"}}
+
+
+def test_the_units_of_all_channels_are_stated(path):
+    """In the file's header by layer or channel, and in the module's docstring."""
+    units = json.loads(oiio.ImageBuf(str(path)).spec().get_string_attribute("pss:units"))
+    assert all(name in units or name.partition(".")[0] in units for name in CHANNELS)
+    assert all(f"`{name}`" in render.exr.__doc__ for name in CHANNELS if name not in ("normal.Y", "normal.Z"))
+
+
+def test_the_documented_way_to_read_a_view_runs(request_and_view, tmp_path, monkeypatch, capsys):
+    """The Python of docs/scenes.md, beside a run's folder of views."""
+    text = (Path(__file__).parents[1] / "docs" / "scenes.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    monkeypatch.chdir(tmp_path)
+    folder = Path("results/zoom/views")
+    folder.mkdir(parents=True)
+    request, view = request_and_view
+    write_view(folder / f"{request.key}.exr", view, request)
+    exec(compile(block, "scenes.md", "exec"), {})
+    printed = capsys.readouterr().out
+    assert printed.startswith("camera 4, f/1.8, 4 ms: ")
+    assert f"{(view.marker_id >= 0).mean():.1%} of the pixels" in printed
 
 
 def test_header_says_what_the_view_is(path, request_and_view):
@@ -166,15 +200,24 @@ def empty(path) -> None:
 
 
 def with_header(**attributes):
-    """A file with the layers of ours, and these attributes."""
+    """A file with the channels of ours, and these attributes."""
 
     def write(path) -> None:
-        spec = oiio.ImageSpec(8, 6, 1, "float")
+        spec = oiio.ImageSpec(8, 6, len(CHANNELS), "float")
+        spec.channelnames = CHANNELS
         for name, value in attributes.items():
             spec.attribute(f"pss:{name}", value)
         assert oiio.ImageBuf(spec).write(str(path))
 
     return write
+
+
+def older_channels(path) -> None:
+    """A whole view but for one channel, which went by another name."""
+    image = oiio.ImageBuf(str(path))
+    names = [{"capture.Y": "capture"}.get(name, name) for name in image.spec().channelnames]
+    renamed = oiio.ImageBufAlgo.channels(image, tuple(range(len(names))), newchannelnames=tuple(names))
+    assert renamed.write(str(path)), renamed.geterror()
 
 
 DAMAGES = {
@@ -186,6 +229,7 @@ DAMAGES = {
     "text": text,
     "empty": empty,
     "header that is no JSON": with_header(camera="{"),
+    "channels of older code": older_channels,
     "header of another kind": with_header(camera='{"colour": 1}', sensor="{}", certificate="[1]"),
 }
 

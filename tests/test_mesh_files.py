@@ -95,6 +95,23 @@ def test_formats_give_the_same_surface(suffix, tmp_path):
     assert scene.state.objects[-1].shape.face_areas_m2.sum() == pytest.approx(6 * 0.36)
 
 
+def test_a_file_without_normals_is_as_good_as_one_with(tmp_path):
+    """Faces have the normals of their corners, whatever the file says of normals, or if it says nothing."""
+    body, wrong = crate(), crate()
+    wrong.vertex_normals = -np.array(wrong.vertex_normals)
+    bare, said = body.export(file_type="ply", vertex_normal=False), wrong.export(file_type="ply", vertex_normal=True)
+    assert b"property float nx" in said
+    assert b"property float nx" not in bare
+    meshes = []
+    (tmp_path / "scene.toml").write_text(LARGER + CRATE)
+    for content in (bare, said):
+        (tmp_path / "crate.ply").write_bytes(content)
+        scene = load_scene(tmp_path / "scene.toml")
+        assert scene.warnings == ()
+        meshes.append(scene.state.objects[-1].shape)
+    assert meshes[0].digest == meshes[1].digest
+
+
 def test_the_files_content_counts_not_its_name(tmp_path):
     keys = [state_key(load(tmp_path).state)]
     keys.append(state_key(load(tmp_path, None, LARGER + CRATE.replace("crate.ply", "box.ply"), "box.ply").state))

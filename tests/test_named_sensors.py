@@ -138,7 +138,7 @@ def test_the_resolved_scene_has_everything_and_is_a_scene_itself(name, gain, tmp
     text = f'name = "{name}"\nexposure_ms = 4\nprnu_share = 0.02'
     scene = load(tmp_path, text if gain is None else f"{text}\nsystem_gain_dn_per_e = {gain}")
     resolved = json.loads(json.dumps(scene.resolved()))
-    absent = {"system_gain_dn_per_e"} if gain is None else set()
+    absent = {"auto_exposure_share", "longest_exposure_ms"} | ({"system_gain_dn_per_e"} if gain is None else set())
     assert set(resolved["sensor"]) == set(SensorSpec.model_fields) - absent
     # Everything is said outright: what the named file says later, or whether it is there, no longer counts.
     written = "\n".join(f"{key} = {json.dumps(value)}" for key, value in resolved["sensor"].items() if key != "name")
@@ -169,7 +169,7 @@ def test_a_wrong_name_is_one_line_with_the_nearest(said, hint, tmp_path):
 
 def test_a_named_sensor_leaves_the_exposure_to_the_scene(tmp_path):
     assert problems(tmp_path, 'name = "surveillance-ptz"') == [
-        "sensor.exposure_ms is missing; allowed: a number above 0, in milliseconds"
+        'sensor.exposure_ms is missing; allowed: a number above 0, in milliseconds, or "auto"'
     ]
 
 

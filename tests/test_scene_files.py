@@ -133,6 +133,26 @@ def test_the_lens_of_a_scene_is_that_of_all_its_cameras(tmp_path):
             assert (camera.radial_distortion, camera.psf_sigma_um, camera.aperture_blades) == expected
 
 
+def test_an_aperture_may_be_as_wide_as_the_lens_says(tmp_path):
+    """The limit itself is allowed; beyond it a file, an override and a sweep are refused alike, a line each."""
+    text = changed(ROOM, ("f_number = 1.8", "f_number = 1.8\nwidest_f_number = 1.4"))
+    at_limit = load_scene(write(tmp_path, text), ["cameras.2.f_number=1.4"])
+    assert (at_limit.camera("2").f_number, at_limit.widest_f_number) == (1.4, 1.4)
+    assert load_scene(write(tmp_path, ROOM)).widest_f_number == 0.5
+    allowed = "allowed: 1.4 or more, lens.widest_f_number"
+    problems = scene_problems(tmp_path, text, ("cameras.2.f_number=1.2", "lens.f_number=1.3", "cameras.4.zoom=20"))
+    assert {f"lens.f_number = 1.3 (override); {allowed}", f"cameras.2.f_number = 1.2 (override); {allowed}"} < {
+        problem.partition("toml: ")[2] for problem in problems
+    }
+    assert len(problems) == 3
+    with pytest.raises(SceneError) as caught:
+        load_sweep("zoom", ["sweep.vary.parameter=f_number", "sweep.vary.values=[1.3, 1.4, 2]"]).configurations(
+            at_limit
+        )
+    (problem,) = caught.value.problems
+    assert f"vary.values = 1.3; {allowed} (f_number of cameras 2, 4, 6)" in problem
+
+
 def test_a_wide_sensor(tmp_path):
     scene = load_scene(write(tmp_path, changed(ROOM, ("[1280, 960]", "[1920, 1080]"))))
     assert {camera.resolution for camera in scene.cameras} == {(1920, 1080)}
@@ -339,6 +359,33 @@ BROKEN = {
     ),
     "psf": ([("fov_deg = 90.0", "fov_deg = 90.0\npsf_sigma_um = -1")], "lens.psf_sigma_um", "-1", "0 or more"),
     "field of view": ([("fov_deg = 90.0", "fov_deg = 180")], "lens.widest_fov_deg", "180", "below 180"),
+    "aperture": ([("f_number = 1.8", "f_number = 0.45")], "lens.f_number", "0.45", "0.5 or more, lens.widest_f_number"),
+    "aperture of a camera": (
+        [("f_number = 1.8", "f_number = 1.8\nwidest_f_number = 1.6"), ("zoom = 3.0", "zoom = 3.0\nf_number = 1.4")],
+        "cameras.1.f_number",
+        "1.4",
+        "1.6 or more, lens.widest_f_number",
+    ),
+    "widest aperture": (
+        [("f_number = 1.8", "f_number = 1.8\nwidest_f_number = 0.3")],
+        "lens.widest_f_number",
+        "0.3",
+        "0.5 or more (no lens in air is faster)",
+    ),
+    "exposure in words": ([("exposure_ms = 4.0", 'exposure_ms = "autos"')], "sensor.exposure_ms", '"autos"', '"auto"'),
+    "exposure of nothing": ([("exposure_ms = 4.0", "exposure_ms = 0")], "sensor.exposure_ms", "0", "above 0, in milli"),
+    "share of saturation": (
+        [("exposure_ms = 4.0", 'exposure_ms = "auto"\nauto_exposure_share = 1.2')],
+        "sensor.auto_exposure_share",
+        "1.2",
+        "at most 1, of the saturation (without it, 0.7)",
+    ),
+    "longest exposure": (
+        [("exposure_ms = 4.0", 'exposure_ms = "auto"\nlongest_exposure_ms = 0')],
+        "sensor.longest_exposure_ms",
+        "0",
+        "above 0, in milliseconds (without it, 20)",
+    ),
     "dictionary": ([("DICT_4X4_100", "DICT_4X4_99")], "markers.dictionary", '"DICT_4X4_99"', "DICT_4X4_100"),
     "id twice": ([("first_id = 48", "first_id = 40")], "objects.ball.markers.first_id", "40", '40 to 47 already'),
     "id beyond": ([("first_id = 48", "first_id = 70")], "objects.ball.markers.first_id", "70", "0 to 64"),
@@ -709,6 +756,7 @@ BROKEN_SWEEPS = {
     "unknown active": (ZOOM, [("seed", 'active = ["2", "4", "6", "x"]\nseed')], "active", '"x"', "1, 2, 3, 4, 5, 6, 7"),
     "zoom below": (ZOOM, [("[1.0,", "[0.5,")], "vary.values", "0.5", "1 to 8 (zoom of cameras 2, 4, 6)"),
     "zoom above": (ZOOM, [("8.0]", "12.0]")], "vary.values", "12.0", "1 to 8 (zoom of cameras 2, 4, 6)"),
+    "aperture": (ZOOM, [('"zoom"', '"f_number"'), ("[1.0,", "[0.4,")], "vary.values", "0.4", "0.5 or more, lens.wid"),
     "selection unknown": (SELECTION, [('["2",', '["9",')], "vary.values", '"9"', "1, 2, 3, 4, 5, 6, 7"),
     "selection with unknown": (SELECTION, [('["1"]', '["9"]')], "vary.with", '"9"', "1, 2, 3, 4, 5, 6, 7"),
     "selection of nobody": (SELECTION, [('["2",', "[[],")], "vary.values", "…", "names of cameras"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -200,6 +201,7 @@ VIEW_COLUMNS = [
     "markers_detected",
     "render_noise_ratio",
     "samples",
+    "saturated_share",
     "exr",
 ]
 CORRELATION_COLUMNS = [
@@ -422,6 +424,50 @@ def test_set_overrides_scene_and_sweep(closet):
     result = run(closet, "pairs.toml", "--set", "sensor.exposure_ms=4", "--set", "sweep.trials=2", "--dry-run")
     assert result.returncode == 0, result.stderr
     assert "4 views: 4 to render, 4 to measure" in result.stdout
+
+
+def test_too_much_light_is_said_aloud(closet):
+    """A hundred times the exposure: every view is overexposed, the table says by how much, and one line what helps."""
+    table = rows(closet / "first" / "views.csv")
+    assert {float(view["saturated_share"]) for view in table} == {0.0}
+    assert "saturated" not in (closet / "first.log").read_text()
+    result = run(closet, "alone.toml", "--set", "sensor.exposure_ms=200", "--out", "glaring")
+    assert result.returncode == 0, result.stderr
+    shares = {v["camera"]: float(v["saturated_share"]) for v in rows(closet / "glaring" / "views.csv")}
+    worst = max(shares, key=shares.get)
+    assert shares[worst] > 0.3
+    (line,) = [line for line in result.stderr.splitlines() if "saturated" in line]
+    assert line.startswith("2 of 2 views have more than 0.1% of the pixels on markers saturated; the worst is camera ")
+    assert f"camera {worst}: {shares[worst]:.1%}. What helps: " in line
+
+
+def test_an_exposure_of_auto_is_chosen_said_and_kept(closet):
+    """The line's number is that of run.json and of the views, in which the brightest marker is as bright as asked."""
+    result = run(closet, "alone.toml", "--set", "sensor.exposure_ms=auto", "--out", "auto", "--dry-run")
+    assert result.returncode == 0, result.stderr
+    (announced,) = [line for line in result.stdout.splitlines() if line.startswith("exposure: ")]
+    result = run(closet, "alone.toml", "--set", "sensor.exposure_ms=auto", "--out", "auto")
+    assert result.returncode == 0, result.stderr
+    assert announced in result.stdout.splitlines()
+    assert "saturated" not in result.stderr
+    found = re.fullmatch(
+        r"exposure: (\S+) ms chosen "
+        r"\(brightest marker at (\d+)% of saturation, asked: 70%; it is (\d+) in camera (\w+)\)",
+        announced,
+    )
+    exposure_ms, percent, marker, camera = found.groups()
+    sensor = json.loads((closet / "auto" / "run.json").read_text())["scenes"]["alone"]["sensor"]
+    assert sensor["exposure_ms"] == float(exposure_ms)
+    views = {v["camera"]: read_view(closet / "auto" / v["exr"]) for v in rows(closet / "auto" / "views.csv")}
+    assert {view.sensor.exposure_ms for view in views.values()} == {float(exposure_ms)}
+    brightest = {
+        name: np.percentile((view.expected_electrons() / view.sensor.saturation_e)[view.marker_id >= 0], 99)
+        for name, view in views.items()
+    }
+    # cos⁴ θ takes up to a few per cent off what is reckoned on the axis.
+    on_marker = views[camera].expected_electrons()[views[camera].marker_id == int(marker)]
+    assert 0.9 * int(percent) / 100 < np.percentile(on_marker, 90) / views[camera].sensor.saturation_e < 0.7
+    assert max(brightest.values()) < 0.7
 
 
 def test_detection_is_told_nothing_of_the_truth(closet):

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from pss import Box, ImageSensor, PTZCamera, Rectangle, Sphere
 from pss.surrogates import Mesh
 from render.sampling import Sampling
-from render.state import Light, Marker, MarkerPrint, Panel, Room, SceneObject, SceneState
+from render.state import Light, Marker, MarkerPrint, Motion, Panel, Room, SceneObject, SceneState
 from render.view import ViewRequest, random_stream, state_key
 
 MARKER = Marker(5, "board", (0.0, -1.0, 1.3), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), 0.02)
@@ -96,6 +96,11 @@ OTHER_MESH = {
     "vertices_m": np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 1e-9, 1)]),
     "faces": np.array([(0, 1, 3), (0, 2, 3)]),
 }
+OTHER_MOTION = {
+    "velocity_m_per_s": (0.0, 1.2, 0.0),
+    "turn_rate_deg_per_s": (0.0, 0.0, 30.0),
+    "about_m": (0.0, 0.0, 1.0),
+}
 OTHER_PRINT = {"dictionary": "DICT_5X5_100", "quiet_zone_modules": 0.9, "white_albedo": 0.8, "black_albedo": 0.05}
 
 
@@ -111,6 +116,7 @@ def other_states() -> list[SceneState]:
     panel = light.panels[0]
     other_objects = [
         *(dataclasses.replace(item, albedo=0.6) for item in OBJECTS),
+        *(dataclasses.replace(ball, motion=motion) for motion in [Motion(), *changes(Motion(), OTHER_MOTION)]),
         *(dataclasses.replace(board, shape=shape) for shape in changes(board.shape, OTHER_RECTANGLE, but=("name",))),
         *(dataclasses.replace(ball, shape=shape) for shape in changes(ball.shape, OTHER_SPHERE, but=("name",))),
         *(dataclasses.replace(plinth, shape=shape) for shape in changes(plinth.shape, OTHER_BOX, but=("name",))),

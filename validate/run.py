@@ -17,12 +17,14 @@ from rich.console import Console
 from pss import RangeError
 from render import backend
 from render.sampling import Sampling
-from scenes import SceneError, known_sweeps, load_scene, load_sweep
+from scenes import Scene, SceneError, SweepFile, known_sweeps, load_scene, load_sweep
 from validate import claims, compare, figures, summary, tables
 from validate.acquire import Acquired, Acquisition, acquire
+from validate.expose import with_exposures
 from validate.progress import EXPECTED_SECONDS, ViewProgress, clock
 from validate.store import Store, StoreError, write_text
 from validate.sweep import Plan, SweepResult, assess_sweep, plan
+from validate.warnings_of_views import warn_of_render_noise, warn_of_saturation
 
 __all__ = ["Options", "execute"]
 
@@ -58,11 +60,20 @@ def execute(options: Options, console: Console, errors: Console) -> int:
     begin = time.perf_counter()
     _check(options)
     chosen = backend.choose(options.variant)
-    plans = _plans(options, chosen)
+    loaded = _loaded(options)
     console.print(str(chosen), markup=False)
-    for warning in dict.fromkeys(warning for each in plans for warning in each.scene.warnings):
+    for warning in dict.fromkeys(warning for _, scene in loaded for warning in scene.warnings):
         errors.print(warning, markup=False, soft_wrap=True)
     store = Store(options.store)
+    exposed = with_exposures(
+        loaded,
+        store,
+        lambda line: console.print(line, markup=False, soft_wrap=True),
+        lambda line: errors.print(line, markup=False, soft_wrap=True),
+    )
+    plans = [
+        plan(sweep, scene, chosen.identity, Sampling(noise_ratio=sweep.render_noise_ratio)) for sweep, scene in exposed
+    ]
     wanted = [item for each in plans for views in each.views for item in views]
     if options.dry_run:
         _announce(plans, wanted, store, console)
@@ -91,29 +102,11 @@ def execute(options: Options, console: Console, errors: Console) -> int:
         f"{len(acquired.measured_items)} measured now) in {clock(seconds['total'])}; results in {options.folder}",
         markup=False,
     )
-    _warn_of_render_noise(wanted, acquired, errors)
+    warn_of_render_noise(wanted, acquired, errors)
+    warn_of_saturation(wanted, acquired, errors)
     for key, cause in acquired.failed.items():
         errors.print(f"view {key} failed: {cause}", markup=False, style="red")
     return 1 if acquired.failed else 0
-
-
-def _warn_of_render_noise(wanted: Sequence[Acquisition], acquired: Acquired, errors: Console) -> None:
-    """Say aloud which views have more sampling noise than was asked."""
-    bounds = {item.request.key: item.request.sampling.noise_ratio for item in wanted}
-    missed = {
-        key: certificate.edge_p999
-        for key, certificate in acquired.certificates.items()
-        if not certificate.meets(bounds[key])
-    }
-    if missed:
-        worst = max(missed, key=lambda key: missed[key])
-        errors.print(
-            f"{len(missed)} of {len(bounds)} views have more sampling noise at the edges of markers than was asked; "
-            f"the worst is {worst}: {missed[worst]:.2f} of the sensor's noise, asked: {bounds[worst]:g} "
-            "(99.9th percentile)",
-            markup=False,
-            style="yellow",
-        )
 
 
 def _check(options: Options) -> None:
@@ -136,9 +129,9 @@ def _check(options: Options) -> None:
             raise StoreError(f"{flag} {folder} cannot be written; allowed is a folder that you may write to")
 
 
-def _plans(options: Options, chosen: backend.Backend) -> list[Plan]:
+def _loaded(options: Options) -> list[tuple[SweepFile, Scene]]:
     """Read all files and report all their problems together."""
-    plans, problems = [], []
+    loaded, problems = [], []
     overrides = list(options.set)
     if options.trials is not None:
         overrides.append(f"sweep.trials={options.trials}")
@@ -148,12 +141,13 @@ def _plans(options: Options, chosen: backend.Backend) -> list[Plan]:
         try:
             sweep = load_sweep(name, overrides)
             scene = load_scene(options.scene or sweep.scene_path, overrides)
-            plans.append(plan(sweep, scene, chosen.identity, Sampling(noise_ratio=sweep.render_noise_ratio)))
+            sweep.configurations(scene)  # raises what is wrong with them
+            loaded.append((sweep, scene))
         except SceneError as error:
             problems += [problem for problem in error.problems if problem not in problems]
     if problems:
         raise SceneError(problems)
-    return plans
+    return loaded
 
 
 def _announce(plans: Sequence[Plan], wanted: Sequence[Acquisition], store: Store, console: Console) -> None:

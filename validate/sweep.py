@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pss import RangeError
 from render.sampling import Sampling
 from render.view import ViewRequest, random_stream, state_key
 from scenes import Configuration, Scene, SweepFile
@@ -74,7 +75,13 @@ class SweepResult:
 
 
 def plan(sweep: SweepFile, scene: Scene, renderer: str, sampling: Sampling) -> Plan:
-    """Name the views that a sweep needs."""
+    """Name the views that a sweep needs.
+
+    Raises:
+        RangeError: the scene's exposure is still to be chosen, and a view's name knows it.
+    """
+    if scene.auto_exposure is not None:
+        raise RangeError(f'{scene.path}: sensor.exposure_ms = "auto"; allowed: a scene after Scene.with_exposure')
     configurations = tuple(sweep.configurations(scene))
     views = tuple(
         tuple(

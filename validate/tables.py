@@ -198,6 +198,7 @@ def _certificate(certificate: Certificate) -> Row:
         "render_noise_ratio_p999": certificate.edge_p999,
         "render_noise_ratio_image": certificate.image_rms,
         "samples": certificate.samples,
+        "saturated_share": certificate.saturated_share,
     }
 
 

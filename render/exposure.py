@@ -1,0 +1,117 @@
+"""The exposure that a scene's light asks for: from how the markers look, and never from an image of them."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pss import Appearance, ImageSensor, PTZCamera, RangeError
+from pss.photometry import electrons_per_radiance
+
+__all__ = ["AutoExposure", "ExposureChoice", "choose_exposure"]
+
+Floats = NDArray[np.float64]
+
+# An exposure is rounded down to so many digits: one that people can set and say.
+DIGITS = 2
+# Quotients such as 0.0034 / 1e-4 are off by less than this (relative).
+ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class AutoExposure:
+    """What an exposure is to be chosen for.
+
+    Attributes:
+        share: of the saturation (0 to 1) that the white of the brightest marker is to reach. The rest is for what the
+            choice does not reckon with: shot noise, PRNU, and a plate that is brighter at its edge than in its middle.
+        longest_ms: ms, upper limit: 20 is 1/50 s, half a frame's time at 25 frames per second.
+    """
+
+    share: float = 0.7
+    longest_ms: float = 20.0
+
+    def __post_init__(self) -> None:
+        if not 0 < self.share <= 1:
+            raise RangeError(f"AutoExposure.share = {self.share!r}; allowed: above 0, at most 1")
+        if not 0 < self.longest_ms < math.inf:
+            raise RangeError(f"AutoExposure.longest_ms = {self.longest_ms!r}; allowed: above 0, in milliseconds")
+
+
+@dataclass(frozen=True)
+class ExposureChoice:
+    """An exposure and what it rests on.
+
+    Attributes:
+        exposure_ms: ms.
+        share: of the saturation (0 to 1), what the brightest marker reaches with it; 0 if none is in view.
+        point: number of that marker's point; −1 if there is none.
+        camera: the one that sees it so bright; None if there is none.
+        longest: whether the upper limit is what decided.
+    """
+
+    exposure_ms: float
+    share: float
+    point: int
+    camera: PTZCamera | None
+    longest: bool
+
+
+def choose_exposure(
+    look: Appearance,
+    points_m: ArrayLike,
+    normals: ArrayLike,
+    cameras: Iterable[PTZCamera],
+    sensor: ImageSensor,
+    wish: AutoExposure,
+) -> ExposureChoice:
+    """One exposure for all `cameras`, by which no white of a marker in view exceeds the share of saturation asked for.
+
+    A marker is in view if a camera has its point in its frustum and faces it; what may hide it is not asked, so that a
+    hidden one can only make the exposure shorter. Dark current counts with the light, which is that on the axis: off
+    it, cos⁴ θ takes some away.
+
+    Args:
+        look: the markers' radiances, of N points.
+        points_m: m, (N, 3).
+        normals: unit, (N, 3).
+        sensor: what it says of its exposure does not count.
+    """
+    points, directions = np.asarray(points_m, dtype=float), np.asarray(normals, dtype=float)
+    second = dataclasses.replace(sensor, exposure_ms=1000.0)
+    brightest, point, seen_by = 0.0, -1, None
+    for camera in dict.fromkeys(cameras):
+        rates = electrons_per_radiance(camera, second) * _radiance(look, points, directions, camera)
+        if rates.size and rates.max() > brightest:
+            brightest, point, seen_by = float(rates.max()), int(rates.argmax()), camera
+    if seen_by is None:
+        return ExposureChoice(wish.longest_ms, 0.0, -1, None, True)
+    rate_e_per_ms = (brightest + sensor.dark_current_e_per_s) * 1e-3
+    wanted_ms = wish.share * sensor.saturation_e / rate_e_per_ms
+    longest = wanted_ms >= wish.longest_ms
+    exposure_ms = wish.longest_ms if longest else _rounded_down(wanted_ms)
+    return ExposureChoice(exposure_ms, exposure_ms * rate_e_per_ms / sensor.saturation_e, point, seen_by, longest)
+
+
+def _radiance(look: Appearance, points_m: Floats, normals: Floats, camera: PTZCamera) -> Floats:
+    """W/(m² sr), the white of each marker as `camera` sees it, (N,); 0 for those that are not in view."""
+    white = np.broadcast_to(np.asarray(look.white_w_per_m2_sr, dtype=float), len(points_m))
+    radiance = np.zeros(len(points_m))
+    rows = np.flatnonzero(camera.in_frustum(points_m))
+    cosine = camera.cos_incidence(points_m[rows], normals[rows])
+    rows, cosine = rows[cosine > 0], cosine[cosine > 0]
+    radiance[rows] = white[rows]
+    if look.ring_light:
+        radiance[rows] *= cosine / camera.range_m(points_m[rows]) ** 2
+    return radiance
+
+
+def _rounded_down(value: float) -> float:
+    step = 10.0 ** (math.floor(math.log10(value)) - DIGITS + 1)
+    # By way of text, so that 3.4 is the number that 3.4 in a file is.
+    return float(f"{math.floor(value / step * (1 + ROUNDING)) * step:.{DIGITS}g}")

@@ -1,0 +1,76 @@
+"""Exposures of "auto": chosen once the files are read and before any view is named, from the scenes' solved light."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from render import glow
+from render.exposure import ExposureChoice, choose_exposure
+from render.view import state_key
+from scenes import Scene, SweepFile
+from validate.acquire import baked
+from validate.store import Store
+
+__all__ = ["with_exposures"]
+
+Loaded = tuple[SweepFile, Scene]
+
+
+def with_exposures(
+    loaded: Sequence[Loaded], store: Store, say: Callable[[str], None], note: Callable[[str], None]
+) -> list[Loaded]:
+    """The same sweeps, with an exposure for every scene that leaves its own to be chosen.
+
+    Sweeps of one scene have one exposure, the same for all their cameras and configurations: they share views.
+
+    Args:
+        say: is told each choice, in one line.
+        note: is told what takes a while.
+    """
+    open_scenes: dict[object, list[Loaded]] = {}
+    for sweep, scene in loaded:
+        if scene.auto_exposure is not None:
+            group = state_key(scene.state), scene.sensor, scene.auto_exposure
+            open_scenes.setdefault(group, []).append((sweep, scene))
+    chosen = {}
+    for group, members in open_scenes.items():
+        scene = members[0][1]
+        if not store.light(state_key(scene.state)).exists():
+            note("solving the scene's light, by which the exposure is chosen")
+        choice = _choose(members, store)
+        chosen[group] = choice.exposure_ms
+        where = f" of {scene.path.name}" if len(open_scenes) > 1 else ""
+        say(f"exposure{where}: {_described(choice, scene)}")
+    return [
+        (sweep, scene)
+        if scene.auto_exposure is None
+        else (sweep, scene.with_exposure(chosen[state_key(scene.state), scene.sensor, scene.auto_exposure]))
+        for sweep, scene in loaded
+    ]
+
+
+def _choose(members: Sequence[Loaded], store: Store) -> ExposureChoice:
+    scene = members[0][1]
+    state = scene.state
+    cameras = (
+        camera
+        for sweep, with_its_cameras in members
+        for configuration in sweep.configurations(with_its_cameras)
+        for camera in configuration.cameras
+    )
+    look = glow.appearance(state, baked(state, store))
+    assert scene.auto_exposure is not None
+    return choose_exposure(look, state.points_m, state.normals, cameras, scene.sensor, scene.auto_exposure)
+
+
+def _described(choice: ExposureChoice, scene: Scene) -> str:
+    wish = scene.auto_exposure
+    assert wish is not None
+    chosen = f"{choice.exposure_ms:g} ms chosen" + (", the longest allowed" if choice.longest else "")
+    if choice.camera is None:
+        return f"{chosen} (no camera has a marker in view)"
+    marker = scene.state.markers[choice.point].id
+    return (
+        f"{chosen} (brightest marker at {choice.share:.0%} of saturation, asked: {wish.share:.0%}; "
+        f"it is {marker} in camera {choice.camera.name})"
+    )

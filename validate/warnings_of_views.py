@@ -1,0 +1,53 @@
+"""What a run says aloud of its views once they are there: too much sampling noise, and too much light."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from rich.console import Console
+
+from validate.acquire import Acquired, Acquisition
+
+__all__ = ["SATURATED_SHARE", "warn_of_render_noise", "warn_of_saturation"]
+
+# Of the pixels on a view's markers (0 to 1): one of a marker's few hundred may be saturated, and its centre does not
+# notice.
+SATURATED_SHARE = 0.001
+ONE_YELLOW_LINE: dict[str, Any] = {"style": "yellow", "markup": False, "highlight": False, "soft_wrap": True}
+
+
+def warn_of_render_noise(wanted: Sequence[Acquisition], acquired: Acquired, errors: Console) -> None:
+    """Say which views have more sampling noise than was asked."""
+    bounds = {item.request.key: item.request.sampling.noise_ratio for item in wanted}
+    missed = {
+        key: certificate.edge_p999
+        for key, certificate in acquired.certificates.items()
+        if not certificate.meets(bounds[key])
+    }
+    if missed:
+        worst = max(missed, key=lambda key: missed[key])
+        errors.print(
+            f"{len(missed)} of {len(bounds)} views have more sampling noise at the edges of markers than was asked; "
+            f"the worst is {worst}: {missed[worst]:.2f} of the sensor's noise, asked: {bounds[worst]:g} "
+            "(99.9th percentile)",
+            **ONE_YELLOW_LINE,
+        )
+
+
+def warn_of_saturation(wanted: Sequence[Acquisition], acquired: Acquired, errors: Console) -> None:
+    """Say which views are overexposed where it counts, and what helps: edges that saturate seem to lie elsewhere."""
+    requests = {item.request.key: item.request for item in wanted}
+    bright = {
+        key: certificate.saturated_share
+        for key, certificate in acquired.certificates.items()
+        if certificate.saturated_share > SATURATED_SHARE
+    }
+    if bright:
+        worst = max(bright, key=lambda key: bright[key])
+        errors.print(
+            f"{len(bright)} of {len(requests)} views have more than {SATURATED_SHARE:.1%} of the pixels on markers "
+            f"saturated; the worst is camera {requests[worst].camera.name}: {bright[worst]:.1%}. What helps: a shorter "
+            'sensor.exposure_ms, a larger f_number, or exposure_ms = "auto"',
+            **ONE_YELLOW_LINE,
+        )
