@@ -12,7 +12,7 @@ from rich.console import Console
 from pss import noise_model
 from render import backend
 from validate.acquire import acquire
-from validate.bank import draw_configurations, gate_bank, measured_points, predicted_points
+from validate.bank.gate_bank import draw_configurations, gate_bank, measured_points, predicted_points
 from validate.gate import Claim, format_claims, judge
 from validate.progress import ViewProgress
 from validate.store import Store

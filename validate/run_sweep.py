@@ -7,6 +7,7 @@ Heavy imports come after the command line is parsed, so that --help and a misspe
 
 from __future__ import annotations
 
+import importlib
 import sys
 from pathlib import Path
 from typing import Annotated, Literal
@@ -18,13 +19,16 @@ import tyro
 
 __all__ = ["main", "run_sweep"]
 
+# Words in a sweep's place that are commands of their own; each module has a `main(arguments) -> exit code`.
+SUBCOMMANDS = {"bank": "validate.bank.command"}
 RESERVED = ("store", "compare", "check", "new-scene", "figures")
 DESCRIPTION = """Predict and measure sweeps of camera settings; see README.md for what is left in the results folder.
 
 Examples:
   run_sweep.py zoom focus selection
   run_sweep.py zoom --set sensor.exposure_ms=8 --set cameras.2.focus_distance_m=3.5
-  run_sweep.py my_sweep.toml --out results/mine --trials 50"""
+  run_sweep.py my_sweep.toml --out results/mine --trials 50
+  run_sweep.py bank            all metrics and noise models on configurations from a bank of views (bank --help)"""
 EXIT_DONE, EXIT_FAILED, EXIT_MISTAKE, EXIT_INTERRUPTED = 0, 1, 2, 130
 
 
@@ -70,6 +74,9 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"run_sweep.py: '{arguments[0]}' is kept for a subcommand that does not exist yet", file=sys.stderr)
         return EXIT_MISTAKE
     try:
+        if arguments and arguments[0] in SUBCOMMANDS:
+            command = importlib.import_module(SUBCOMMANDS[arguments[0]])
+            return int(command.main(arguments[1:]))
         return tyro.cli(run_sweep, prog="run_sweep.py", description=DESCRIPTION, args=arguments)
     except KeyboardInterrupt:
         print("interrupted; what is rendered and measured stays in the store", file=sys.stderr)

@@ -5,12 +5,14 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pss.camera import PTZCamera, as_points
 from pss.errors import RangeError
+from pss.noise.calibrated import Calibration
 from pss.noise.covariance import PixelCovariance
 from pss.noise.factors import (
     DEFAULT_CCD_NOISE,
@@ -113,7 +115,7 @@ NOISE_MODELS = ("as-printed", "corrected", "physical", "identity")
 
 
 def noise_model(
-    name: str,
+    name: str | Path,
     *,
     switched_off: Iterable[str] = (),
     ccd_noise: float | Mapping[str, float] = DEFAULT_CCD_NOISE,
@@ -123,7 +125,8 @@ def noise_model(
     """The noise model called `name`.
 
     "as-printed" is Eqs. 11–15, "corrected" has D²/cos α in Eq. 11, "physical" is the tag's edges against the sensor's
-    noise (it needs `appearance` in `pss.evaluate`), "identity" is R = I.
+    noise (it needs `appearance` in `pss.evaluate`), "identity" is R = I. The path of a calibration (.toml) is the
+    model that it describes.
 
     Args:
         switched_off: names of factors to leave out: "distance-incidence" (or "distance", "incidence"), "resolution",
@@ -136,15 +139,19 @@ def noise_model(
         RangeError: an unknown name of a model or a factor, or a constant out of range.
     """
     off = tuple(switched_off)
-    if name not in NOISE_MODELS:
-        raise RangeError(f"noise model {name!r}; allowed: {', '.join(NOISE_MODELS)}")
+    of_file = str(name).endswith(".toml")
+    if name not in NOISE_MODELS and not of_file:
+        raise RangeError(f"noise model {name!r}; allowed: {', '.join(NOISE_MODELS)}, or a calibration's path (.toml)")
     numbers = list(ccd_noise.values()) if isinstance(ccd_noise, Mapping) else [ccd_noise]
     if not all(number > 0 for number in numbers) or not px2_per_m2 > 0:
         raise RangeError(f"ccd_noise = {ccd_noise!r}, px2_per_m2 = {px2_per_m2!r}; allowed: above 0")
+    if of_file:
+        calibration = Calibration.from_file(name)
+        return NoiseModel(calibration.name, calibration.factors(sensor, ccd_noise)).without(*off)
     if name == "identity":
-        return NoiseModel(name, (IdentityNoise(),)).without(*off)
+        return NoiseModel("identity", (IdentityNoise(),)).without(*off)
     if name == "physical":
         factor = BrightnessContrast(ImageSensor() if sensor is None else sensor)
-        return NoiseModel(name, (factor,)).without(*off)
+        return NoiseModel("physical", (factor,)).without(*off)
     first = DistanceIncidence(corrected=name == "corrected", px2_per_m2=px2_per_m2)
-    return NoiseModel(name, (first, Resolution(ccd_noise), Defocus())).without(*off)
+    return NoiseModel(str(name), (first, Resolution(ccd_noise), Defocus())).without(*off)

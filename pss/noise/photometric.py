@@ -22,7 +22,7 @@ from pss.noise.factors import of_camera
 from pss.photometry import Appearance, ImageSensor, electrons_per_radiance
 from pss.views import Views
 
-__all__ = ["BrightnessContrast"]
+__all__ = ["BrightnessContrast", "module_sides"]
 
 Floats = NDArray[np.float64]
 
@@ -54,7 +54,7 @@ class BrightnessContrast:
         appearance = views.appearance
         if appearance is None:
             raise RangeError(f"noise factor {self.name!r} has no appearance; allowed: evaluate(…, appearance=…)")
-        across, down = _sides(appearance, views)
+        across, down = module_sides(appearance, views)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             a, b = (np.hypot(side[:, 0], side[:, 1]) for side in (across, down))
             area = np.abs(across[:, 0] * down[:, 1] - across[:, 1] * down[:, 0])
@@ -150,7 +150,7 @@ def _blur_variance(views: Views) -> Floats:
     return np.asarray(views.arrays.psf_sigma_px**2 + PIXEL_VARIANCE_PX2 + defocus_px**2)
 
 
-def _sides(appearance: Appearance, views: Views) -> tuple[Floats, Floats]:
+def module_sides(appearance: Appearance, views: Views) -> tuple[Floats, Floats]:
     """px, a module's two sides in the image, (C, 2, N) each."""
     assert views.normals is not None
     normals = views.normals

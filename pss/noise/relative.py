@@ -1,0 +1,55 @@
+"""Factors that measure blur and size by the target's own module: what a calibration may take besides the paper's."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pss.errors import RangeError
+from pss.noise.covariance import PixelCovariance
+from pss.noise.photometric import module_sides
+from pss.views import Views
+
+__all__ = ["ModuleSize", "RelativeDefocus"]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RelativeDefocus:
+    """(Circle of confusion / module)², as px²: what is left of a code whose modules run into each other."""
+
+    name: str = "relative-defocus"
+
+    def covariance(self, views: Views) -> PixelCovariance:
+        """px², isotropic.
+
+        Raises:
+            RangeError: `views` has no appearance.
+        """
+        return PixelCovariance.isotropic(views.circle_of_confusion_px**2 / _module_area_px2(self.name, views))
+
+
+@dataclass(frozen=True)
+class ModuleSize:
+    """(1 px / module)², as px²: small and foreshortened codes."""
+
+    name: str = "module-size"
+
+    def covariance(self, views: Views) -> PixelCovariance:
+        """px², isotropic.
+
+        Raises:
+            RangeError: `views` has no appearance.
+        """
+        return PixelCovariance.isotropic(1 / _module_area_px2(self.name, views))
+
+
+def _module_area_px2(name: str, views: Views) -> Floats:
+    """px², (C, N), what a module covers in the image."""
+    if views.appearance is None:
+        raise RangeError(f"noise factor {name!r} has no appearance; allowed: evaluate(…, appearance=…)")
+    across, down = module_sides(views.appearance, views)
+    return np.asarray(np.abs(across[:, 0] * down[:, 1] - across[:, 1] * down[:, 0]))

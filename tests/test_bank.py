@@ -1,0 +1,300 @@
+"""A bank of views: its design, turned renders, and statistics over configurations drawn from it."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+import scipy.stats
+
+from pss import NoiseModel, PTZCamera, RandomWalk, evaluate, noise_model
+from pss.riccati import steady_state_covariance_from_information
+from scenes import load_scene
+from tests.conftest import ROOM_FILE
+from validate.bank.consistency import anisotropy, crossed_mean, of_errors, sandwich
+from validate.bank.design import BankDesign, draw_configurations, held_out_views, training_views
+from validate.bank.measured import BankData, measure_all
+from validate.bank.phase import LARGEST_TURN_PX, carried_back, joined, turned
+from validate.bank.predicted import GivenCovariance, PredictionTask, predict_all
+from validate.bank.ranking import Judged, Resamples, judge_against, partial, regrets, top_hits
+from validate.bank.verdict import CountVerdict, leaderboard, yardsticks
+from validate.intervals import weighted_spearman
+from validate.measure import ViewMeasurement
+
+ROUNDING = 1e-9
+# Means over 4e5 draws of a χ² variable: five of their standard errors.
+NEES, COVERAGE = 0.015, 0.006
+CAMERA = PTZCamera((2.0, -1.0, 2.5), 200, -25, zoom=3, focus_distance_m=3, radial_distortion=(-0.1, 0.02))
+
+
+@pytest.fixture(scope="module")
+def room():
+    return load_scene(ROOM_FILE)
+
+
+# ---- turned renders --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("distortion", [(0.0, 0.0), (-0.1, 0.02)])
+def test_a_turn_is_undone_exactly(distortion):
+    """What any turned setting sees of a point, carried back, is where the view's own setting sees it."""
+    camera = dataclasses.replace(CAMERA, radial_distortion=distortion)
+    rng = np.random.default_rng(1)
+    rays = rng.uniform(-0.15, 0.15, size=(50, 2))
+    points = np.array(camera.position_m) + (np.column_stack([rays, np.ones(50)]) @ camera.rotation) * 4
+    own = camera.project(points)[0]
+    for other in turned(camera, 8, rng):
+        seen = other.project(points)[0]
+        moved = np.linalg.norm(seen - own, axis=1)
+        assert moved.min() > 0
+        assert moved.max() < 2 * LARGEST_TURN_PX
+        np.testing.assert_allclose(carried_back(seen, other, camera), own, atol=1e-6)
+
+
+def test_what_was_not_detected_stays_so():
+    """nan is carried back as nan, with whatever shape."""
+    pixels = np.full((3, 2, 2), np.nan)
+    pixels[1, 1] = (600.0, 400.0)
+    (other,) = turned(CAMERA, 1, np.random.default_rng(2))
+    back = carried_back(pixels, other, CAMERA)
+    assert np.isfinite(back).sum() == 2
+    assert np.isfinite(back[1, 1]).all()
+
+
+@pytest.mark.parametrize("settings", [1, 2, 3, 4])
+def test_halves_of_the_trials_share_the_settings(settings):
+    """Even and odd trials both have every setting (but for one trial), and no trial is lost."""
+    trials = 8
+    parts = [
+        ViewMeasurement(np.full((trials, 1, 2), 100.0 + 10 * k), np.ones((trials, 1, 2, 2)), 0, 0.0)
+        for k in range(settings)
+    ]
+    whole = joined(CAMERA, [CAMERA] * settings, parts)
+    which = np.rint((whole.pixels[:, 0, 0] - 100) / 10).astype(int)
+    assert len(which) == settings * trials
+    for half in (which[::2], which[1::2]):
+        assert np.ptp(np.bincount(half, minlength=settings)) <= 1
+
+
+# ---- design ----------------------------------------------------------------------------------------------------------
+
+
+def test_training_and_held_out_views_share_nothing(room):
+    """Other places, other settings; the same design gives the same views."""
+    design = BankDesign(settings=3, training_cameras=4)
+    training, held_out = training_views(room, design, "r"), held_out_views(room, design, "r")
+    assert len(training.views) == 12
+    assert len(held_out.views) == 21
+    assert not {c.position_m for c in training.cameras} & {c.position_m for c in held_out.cameras}
+    assert not {i.request.key for i in training.wanted} & {i.request.key for i in held_out.wanted}
+    assert [c.pan_deg for c in held_out_views(room, design, "r").cameras] == [c.pan_deg for c in held_out.cameras]
+    for camera in (*training.cameras, *held_out.cameras):
+        x, y, z = camera.position_m
+        assert abs(x) < 3
+        assert abs(y) < 3
+        assert 0 < z < 3
+        assert design.zoom[0] <= camera.zoom <= design.zoom[1]
+    assert len(held_out.wanted) == 21 * design.turns
+
+
+@pytest.mark.parametrize("size", [2, 4, 6])
+def test_a_configuration_takes_one_view_of_a_camera(size):
+    """Different configurations, of different cameras each; no more than there are."""
+    names = [name for name in "abcdefg" for _ in range(4)]
+    drawn = draw_configurations(names, size, 80, np.random.default_rng(3))
+    assert drawn.shape == (80, size)
+    assert len({tuple(row) for row in drawn.tolist()}) == 80
+    assert all(len({names[view] for view in row}) == size for row in drawn)
+    few = draw_configurations(["a", "a", "b"], 2, 50, np.random.default_rng(4))
+    assert few.tolist() == [[0, 2], [1, 2]]
+    assert draw_configurations(["a", "a"], 2, 5, np.random.default_rng(5)).shape == (0, 2)
+
+
+# ---- prediction and measurement of one bank --------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def small(room):
+    """Twelve views of the room with made-up detections: the projection plus noise of a known covariance a view."""
+    design = BankDesign(settings=2, turns=1)
+    bank = held_out_views(room, design, "r")
+    rng = np.random.default_rng(6)
+    points, normals = room.state.points_m, room.state.normals
+    sigma = rng.uniform(0.02, 0.4, size=len(bank.cameras))
+    seen = evaluate(bank.cameras, points, normals, occluder=room.state.occluders).visible
+    projected = np.array([camera.project(points)[0] for camera in bank.cameras])
+    noise = rng.standard_normal((len(sigma), 24, len(points), 2)) * sigma[:, None, None, None]
+    pixels = np.where(seen[:, None, :, None], projected[:, None] + noise, np.nan)
+    covariance = np.broadcast_to((sigma**2)[:, None, None, None, None] * np.eye(2), (*pixels.shape, 2))
+    data = BankData(bank.cameras, points, pixels, covariance, RandomWalk(step_std_m=1e-3), 1)
+    return bank, data, sigma
+
+
+def test_the_right_covariance_ranks_and_is_consistent(room, small):
+    """With the true R as a table: ρ near 1, NEES 1, coverage as asked; with R = I neither."""
+    bank, data, sigma = small
+    table = np.broadcast_to((sigma**2)[:, None, None, None] * np.eye(2), (len(sigma), len(data.points_m), 2, 2))
+    models = (NoiseModel("true", (GivenCovariance(bank.cameras, table),)), noise_model("identity"))
+    state = room.state
+    task = PredictionTask(
+        bank.cameras, state.points_m, state.normals, state.occluders, None, data.process, models,
+        {"true": ("visible-share", "visibility-count"), "identity": ("visible-share",)},
+    )  # fmt: skip
+    chosen = draw_configurations([c.name for c in bank.cameras], 4, 60, np.random.default_rng(7))
+    verdict = CountVerdict(4, chosen, measure_all(data, chosen.tolist(), processes=1), predict_all(task, chosen, 1))
+    pairs = [(model, name) for model in ("true", "identity") for name in ("pss", "pss-single-frame")]
+    pairs += [("true", "visible-share"), ("true", "visibility-count")]
+    rows = leaderboard(verdict, pairs, np.random.default_rng(8), resamples=60)
+    rho = {(row["noise_model"], row["metric"]): row for row in rows if row["yardstick"] == "measured_pss_single_frame"}
+    best = rho["true", "pss-single-frame"]
+    assert best["spearman"] > 0.97
+    assert best["rank"] == 1
+    assert best["spearman_ci_low"] <= best["spearman"] <= best["spearman_ci_high"]
+    assert best["spearman"] > rho["identity", "pss-single-frame"]["spearman"] + 0.1
+    assert best["minus_pss_single_frame"] == 0
+    assert best["regret_of_20_median"] <= rho["identity", "pss-single-frame"]["regret_of_20_median"]
+    errors = np.array([found.errors.errors_m for found in verdict.measured])
+    covariance = np.array([found["true"].covariance_m2 for found in verdict.predicted])
+    chance = Resamples.drawn(chosen, len(data.points_m), np.random.default_rng(9), 50)
+    row = of_errors(errors, covariance).row(chance)
+    assert row["nees_per_dof"] == pytest.approx(1, abs=0.05)
+    assert row["coverage_90"] == pytest.approx(0.9, abs=0.02)
+    assert row["median_abs_log_ratio"] < 0.15
+
+
+def test_results_do_not_depend_on_the_number_of_processes(small):
+    """Measured and tracked in one process or in two: the same bits."""
+    _, data, _ = small
+    chosen = [(0, 2, 4), (1, 3, 8)]
+    one, two = (measure_all(data, chosen, filtered=True, processes=n) for n in (1, 2))
+    for a, b in zip(one, two, strict=True):
+        np.testing.assert_array_equal(a.errors.errors_m, b.errors.errors_m)
+        np.testing.assert_array_equal(a.prior_moment_m2, b.prior_moment_m2)
+    assert {y.name for y in yardsticks(one)} == {
+        "measured_pss_single_frame", "share_under_5mm", "median_rms_m", "measured_pss_filter",
+    }  # fmt: skip
+
+
+# ---- statistics ------------------------------------------------------------------------------------------------------
+
+
+def test_spearman_and_its_partial():
+    """The estimates against SciPy's, and the partial against residuals of ranks."""
+    rng = np.random.default_rng(10)
+    z = rng.standard_normal(400)
+    x, y = z + rng.standard_normal(400), z + rng.standard_normal(400)
+    chance = Resamples.drawn(rng.integers(30, size=(400, 3)), 5, rng, 40)
+    xy, xz, yz = (judge_against(a, b, chance) for a, b in ((x, y), (x, z), (y, z)))
+    assert xy.estimate == pytest.approx(scipy.stats.spearmanr(x, y).statistic)
+    ranks = [scipy.stats.rankdata(v) for v in (x, y, z)]
+    residual = [r - np.polyval(np.polyfit(ranks[2], r, 1), ranks[2]) for r in ranks[:2]]
+    found = partial(xy, xz, yz)
+    assert found.estimate == pytest.approx(np.corrcoef(*residual)[0, 1], abs=ROUNDING)
+    low, high = found.interval
+    assert low < found.estimate < high
+    assert judge_against(-x, y, chance, sign=-1).estimate == pytest.approx(xy.estimate)
+    assert xy.minus(xy).interval == (0.0, 0.0)
+
+
+def test_means_over_points_are_resampled_with_their_points():
+    """A metric given by its terms follows the points' weights; the yardstick does so too, and they agree."""
+    rng = np.random.default_rng(11)
+    terms = rng.uniform(size=(50, 8))
+    chance = Resamples.drawn(rng.integers(20, size=(50, 2)), 8, rng, 30)
+    judged = judge_against(terms, terms, chance)
+    assert judged.estimate == pytest.approx(1)
+    np.testing.assert_allclose(judged.samples, 1)
+
+
+def test_undefined_statistics_have_no_interval():
+    """A constant metric has no ρ and no interval."""
+    chance = Resamples.drawn(np.arange(20)[:, None], 4, np.random.default_rng(12), 10)
+    judged = judge_against(np.ones(20), np.arange(20.0), chance)
+    assert np.isnan(judged.estimate)
+    assert np.isnan(judged.interval).all()
+
+
+def test_regret_of_a_perfect_and_of_a_blind_choice():
+    """The truth itself loses nothing; a constant score is charged the average; a nan is never chosen."""
+    truth = np.arange(1.0, 101.0)
+    rng = np.random.default_rng(13)
+    perfect, oracle = regrets(truth, (truth, truth), 20, rng)
+    assert perfect.max() == oracle.max() == 0
+    blind, _ = regrets(np.zeros(100), (truth, truth), 100, rng, draws=3)
+    np.testing.assert_allclose(blind, 1 - truth.mean() / 100)
+    unknown = np.where(truth > 99, np.nan, truth)
+    lost, _ = regrets(unknown, (truth, truth), 100, rng, draws=2)
+    np.testing.assert_allclose(lost, 0.01)
+
+
+def test_top_hits_share_ties():
+    """All of the best tenth, none, or the share that a constant score finds by chance."""
+    truth = np.arange(100.0)
+    assert top_hits(truth, truth, 0.1) == 1
+    assert top_hits(-truth, truth, 0.1) == 0
+    assert top_hits(np.zeros(100), truth, 0.1) == pytest.approx(0.1)
+
+
+def test_nees_and_coverage_of_gaussian_errors():
+    """Errors drawn from C: NEES/3 = 1, and ellipsoids that hold what they should; with C/4 they hold less."""
+    rng = np.random.default_rng(14)
+    root = rng.standard_normal((4, 25, 3, 3)) * [[[1.0], [0.3], [0.1]]]
+    covariance = root @ root.mT + 1e-3 * np.eye(3)
+    draws = rng.standard_normal((4, 4000, 25, 3, 1))
+    errors = (np.linalg.cholesky(covariance)[:, None] @ draws)[..., 0]
+    errors[:, :5, 3] = np.nan
+    covariance[2, 7] = np.nan
+    found = of_errors(errors, covariance)
+    assert np.isnan(found.nees[2, 7])
+    assert np.isfinite(found.nees).sum() == 99
+    chance = Resamples.drawn(np.arange(4)[:, None], 25, rng, 20)
+    assert crossed_mean(found.nees, chance).estimate == pytest.approx(1, abs=NEES)
+    for level, inside in found.inside.items():
+        assert crossed_mean(inside, chance).estimate == pytest.approx(level, abs=COVERAGE)
+    too_small = of_errors(errors, covariance / 4)
+    assert crossed_mean(too_small.nees, chance).estimate == pytest.approx(4, abs=4 * NEES)
+    np.testing.assert_allclose(np.delete((too_small.log_ratio - found.log_ratio).ravel(), 2 * 25 + 7), np.log(0.5))
+    moment = np.einsum("ktni,ktnj->knij", np.nan_to_num(errors), np.nan_to_num(errors)) / 4000
+    shape = anisotropy(moment, covariance, np.full((4, 25), 4000))
+    assert shape["axis_ratio_spearman"] > 0.98
+    assert shape["measured_axis_ratio_median"] == pytest.approx(shape["predicted_axis_ratio_median"], rel=0.03)
+    assert shape["axis_angle_median_deg"] < 2
+
+
+def test_sandwich_against_simulation():
+    """R ≠ S: the actual covariance of the fit and of the filter, from 20,000 filters; 1 where R = S."""
+    rng = np.random.default_rng(15)
+    views = 3
+    jacobians = [rng.standard_normal((1, 2, 3)) * 300 for _ in range(views)]
+    claimed = [np.eye(2)[None] * v for v in (0.04, 0.04, 0.04)]
+    true = [np.eye(2)[None] * v for v in (0.004, 0.09, 0.3)]
+    q = 1e-6
+    np.testing.assert_allclose(sandwich(jacobians, true, true, q), 1, rtol=1e-6)
+    frame, filtered = sandwich(jacobians, claimed, true, q)[:, 0]
+
+    h = np.concatenate([j[0] for j in jacobians])
+    r = np.diag(np.repeat([c[0, 0, 0] for c in claimed], 2))
+    s = np.repeat([t[0, 0, 0] for t in true], 2)
+    information = h.T @ np.linalg.solve(r, h)
+    prior = steady_state_covariance_from_information(np.eye(3), q * np.eye(3), information[None])[0]
+    posterior = np.linalg.inv(np.linalg.inv(prior) + information)
+    noise = rng.standard_normal((20_000, 6)) * np.sqrt(s)
+    pull = noise @ np.linalg.solve(r, h)
+    fit = pull @ np.linalg.inv(information)
+    said = np.trace(np.linalg.inv(information))
+    assert frame == pytest.approx(np.sqrt((fit**2).sum(axis=1).mean() / said), rel=0.02)
+    error = rng.standard_normal((20_000, 3)) @ np.linalg.cholesky(prior).T
+    for _ in range(200):
+        pull = rng.standard_normal((20_000, 6)) * np.sqrt(s) @ np.linalg.solve(r, h)
+        updated = error + (pull - error @ information) @ posterior
+        error = updated - np.sqrt(q) * rng.standard_normal((20_000, 3))
+    assert filtered == pytest.approx(np.sqrt((error**2).sum(axis=1).mean() / np.trace(prior)), rel=0.02)
+
+
+def test_intervals_cover_the_truth():
+    """A bank whose ρ is known by construction: deviations between resamples are scaled back to their size."""
+    judged = Judged(0.5, 0.5 + 0.1 * np.random.default_rng(16).standard_normal(4000))
+    low, high = judged.interval
+    assert (0.5 - low, high - 0.5) == (pytest.approx(0.392, abs=0.02), pytest.approx(0.392, abs=0.02))
+    assert float(weighted_spearman(np.arange(5.0), np.arange(5.0))) == pytest.approx(1)

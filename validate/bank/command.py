@@ -1,0 +1,232 @@
+"""`run_sweep.py bank`: render and measure a bank of views, calibrate on one part, judge all metrics on the other."""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+import tyro
+from rich.console import Console
+from rich.table import Table
+
+from pss.noise import Calibration
+from render import backend
+from render.view import random_stream
+from scenes import load_scene
+from scenes.sweep_file import SWEEPS
+from validate.acquire import Acquired, acquire
+from validate.bank.design import BankDesign, ViewBank, held_out_views, training_views
+from validate.bank.study import (
+    asked_pairs,
+    calibrated,
+    consistency_rows,
+    data_of,
+    detection_row,
+    oracle_rows,
+    pixel_rows,
+    scene_models,
+    verdict_of,
+)
+from validate.bank.verdict import leaderboard
+from validate.progress import ViewProgress, clock
+from validate.store import Store, write_text
+from validate.tables import write_csv
+
+__all__ = ["run"]
+
+Row = dict[str, object]
+
+SECOND_SCENE = "atrium.toml"
+COUNTS = (2, 3, 4, 6)
+# The camera count whose configurations are tracked by the filter as well, and the one of the headline.
+HEADLINE = 4
+
+
+def run(
+    scene: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
+    second_scene: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
+    out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("results/bank"),
+    store: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("results/store"),
+    settings: int = 10,
+    configurations: int = 500,
+    trials: int = 10,
+    turns: int = 2,
+    seed: int = 1,
+    set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="KEY=VALUE")] = (),
+    variant: Literal["llvm_ad_mono", "cuda_ad_mono", "scalar_rgb"] | None = None,
+) -> int:
+    """Judge all metrics and noise models on configurations drawn from a bank of views.
+
+    Args:
+        scene: scene file (default: the room).
+        second_scene: another room, in which the calibration is judged without refitting (default: the atrium).
+        out: folder for the results.
+        store: folder of rendered views and measurements, shared by all runs.
+        settings: views of each camera.
+        configurations: of each of 2, 3, 4 and 6 cameras.
+        trials: noisy captures of each render.
+        turns: renders of each view at slightly turned settings.
+        seed: of settings, captures and draws.
+        set: override a key of the scene file; may be repeated.
+        variant: Mitsuba's variant (default: LLVM if a libLLVM is found, else scalar).
+    """
+    begin = time.perf_counter()
+    console, errors = Console(width=140), Console(stderr=True)
+    chosen = backend.choose(variant)
+    console.print(str(chosen), markup=False)
+    design = BankDesign(settings=settings, trials=trials, turns=turns, seed=seed)
+    first = load_scene(scene or SWEEPS.parent / "room.toml", set)
+    training = training_views(first, design, chosen.identity)
+    held_out = held_out_views(first, design, chosen.identity)
+    second_path = second_scene or SWEEPS.parent / SECOND_SCENE
+    second = held_out_views(load_scene(second_path), design, chosen.identity) if second_path.exists() else None
+    banks = [bank for bank in (training, held_out, second) if bank is not None]
+    wanted = [item for bank in banks for item in bank.wanted]
+    acquired = acquire(wanted, Store(store), chosen, lambda total: ViewProgress(total, errors))
+    for key, cause in acquired.failed.items():
+        errors.print(f"view {key} failed: {cause}", markup=False, style="red")
+    if acquired.failed:
+        return 1
+    after_views = time.perf_counter()
+    calibration = _calibrate(training, acquired, design, out)
+    tables = judge(held_out, acquired, calibration, configurations, design.seed, COUNTS)
+    if second is not None:
+        other = judge(second, acquired, calibration, configurations, design.seed, (HEADLINE,))
+        for name, rows in other.items():
+            tables[f"{second.scene.path.stem}-{name}"] = rows
+    for name, rows in tables.items():
+        write_csv(out / f"{name}.csv", rows)
+    seconds = {"views": after_views - begin, "total": time.perf_counter() - begin}
+    content = {
+        "design": asdict(design),
+        "configurations": configurations,
+        "scenes": {bank.scene.path.name: bank.scene.resolved() for bank in banks},
+        "renderer": chosen.identity,
+        "rendered": acquired.rendered,
+        "measured": len(acquired.measured_items),
+        "seconds": seconds,
+    }
+    write_text(out / "run.json", json.dumps(content, indent=2) + "\n")
+    _show(tables, calibration, console)
+    console.print(
+        f"{len(wanted)} renders ({acquired.rendered} now) of {sum(len(bank.views) for bank in banks)} views in "
+        f"{clock(seconds['total'])}, {clock(seconds['total'] - seconds['views'])} after the views; results in {out}",
+        markup=False,
+    )
+    return 0
+
+
+def _calibrate(training: ViewBank, acquired: Acquired, design: BankDesign, out: Path) -> Calibration:
+    data = data_of(training, acquired, design.seed)
+    fitted = calibrated(training, data, acquired, {})
+    provenance: dict[str, str | int | float] = {
+        "scene": training.scene.path.name,
+        "views": len(training.views),
+        "renders_of_each": design.turns,
+        "trials_of_each": design.trials,
+        "seed": design.seed,
+        "moments": fitted.moments,
+        "left_out_as_blunders": fitted.left_out,
+        "deviance_per_moment": fitted.deviance / fitted.moments,
+        "fitted_by": "python validate/run_sweep.py bank",
+    }
+    calibration = Calibration("calibrated", fitted.weights, provenance)
+    write_text(out / "calibrated.toml", calibration.to_toml())
+    return calibration
+
+
+def judge(
+    bank: ViewBank,
+    acquired: Acquired,
+    calibration: Calibration,
+    configurations: int,
+    seed: int,
+    counts: tuple[int, ...],
+) -> dict[str, list[Row]]:
+    """All tables of a held-out bank, by name."""
+    data = data_of(bank, acquired, seed)
+    models = scene_models(bank.scene, calibration)
+    rows: dict[str, list[Row]] = {"leaderboard": [], "ceiling": [], "consistency": [], "detection": []}
+    rows["consistency"] += pixel_rows(bank, data, acquired, models)
+    for count in counts:
+        rng = random_stream(seed, bank.scene.path.name, f"verdict of {count}")
+        verdict = verdict_of(bank, data, acquired, models, count, configurations, seed, filtered=count == HEADLINE)
+        rows["leaderboard"] += leaderboard(verdict, asked_pairs(), rng)
+        rows["ceiling"] += oracle_rows(bank, data, verdict, rng)
+        rows["consistency"] += consistency_rows(verdict, bank, data, models, acquired)
+        if count == HEADLINE:
+            rows["detection"].append(detection_row(bank, data, verdict))
+    # The pixel level has fewer columns; every row of a file has all of them.
+    columns = list(dict.fromkeys(key for row in rows["consistency"] for key in row))
+    rows["consistency"] = [{key: row.get(key, float("nan")) for key in columns} for row in rows["consistency"]]
+    return rows
+
+
+def _show(tables: dict[str, list[Row]], calibration: Calibration, console: Console) -> None:
+    """Print the verdict."""
+    weights = ", ".join(f"{name} {weight:.3g}" for name, weight in calibration.weights.items() if weight > 0)
+    console.print(f"calibrated on the training views: {weights}", markup=False)
+    board = [
+        row
+        for row in tables["leaderboard"]
+        if row["cameras"] == HEADLINE and row["yardstick"] == "measured_pss_single_frame"
+    ]
+    board.sort(key=lambda row: -float(str(row["spearman"])) if row["spearman"] == row["spearman"] else 2)
+    table = Table(title=f"Ranking {board[0]['n']} held-out configurations of {HEADLINE} cameras by measured PSS")
+    for name in (
+        "rank",
+        "metric",
+        "noise model",
+        "Spearman [95 %]",
+        "given the visible share",
+        "regret of 20 (median)",
+    ):
+        table.add_column(name)
+    for row in board:
+        table.add_row(
+            f"{row['rank']} [{row['rank_ci_low']}, {row['rank_ci_high']}]",
+            str(row["metric"]),
+            str(row["noise_model"]),
+            _interval(row, "spearman"),
+            _interval(row, "partial_given_visible"),
+            f"{100 * float(str(row['regret_of_20_median'])):.1f} %",
+        )
+    console.print(table)
+    for name, rows in tables.items():
+        if name.endswith("ceiling"):
+            for row in rows:
+                if row["cameras"] == HEADLINE:
+                    console.print(f"{name}: {row['ceiling']}: {_interval(row, 'spearman')}", markup=False)
+        if name.endswith("consistency"):
+            console.print(_consistency_table(name, rows))
+
+
+def _consistency_table(name: str, rows: list[Row]) -> Table:
+    table = Table(title=name)
+    for column in ("level", "cameras", "noise model", "NEES/dof", "50 %", "90 %", "95 %", "|log ratio|", "ρ of points"):
+        table.add_column(column)
+    for row in rows:
+        if row["cameras"] not in (1, HEADLINE):
+            continue
+        table.add_row(
+            *(str(row[key]) for key in ("level", "cameras", "noise_model")),
+            _interval(row, "nees_per_dof"),
+            *(f"{100 * float(str(row[f'coverage_{level}'])):.1f}" for level in (50, 90, 95)),
+            f"{float(str(row['median_abs_log_ratio'])):.3f}",
+            _interval(row, "point_spearman"),
+        )
+    return table
+
+
+def _interval(row: Row, name: str) -> str:
+    value, low, high = (float(str(row.get(key, "nan"))) for key in (name, f"{name}_ci_low", f"{name}_ci_high"))
+    return "" if np.isnan(value) else f"{value:.3g} [{low:.3g}, {high:.3g}]"
+
+
+def main(arguments: list[str]) -> int:
+    """Parse the subcommand's own arguments and run it."""
+    return tyro.cli(run, prog="run_sweep.py bank", args=arguments)

@@ -1,0 +1,178 @@
+"""Which views a bank has: cameras at random zoom, focus, pan and tilt, in two sets that share no place and no setting.
+
+The training set is for calibration: its cameras stand elsewhere along the walls. The held-out set has the scene's own
+cameras, and configurations are drawn from it. Nothing here looks at an image.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pss import PTZCamera
+from render.sampling import Sampling
+from render.view import ViewRequest, random_stream
+from scenes import Scene
+from validate.acquire import Acquired, Acquisition
+from validate.bank.phase import joined, turned
+from validate.measure import ViewMeasurement
+
+__all__ = ["BankDesign", "BankView", "ViewBank", "draw_configurations", "held_out_views", "training_views"]
+
+Floats = NDArray[np.float64]
+
+# A training camera stands this far from the walls, at a height between these shares of the room's.
+FROM_WALL_M = 0.2
+HEIGHTS = (0.6, 0.95)
+# Attempts to draw another configuration before all that there are count as found.
+MOST_ATTEMPTS = 100
+
+
+@dataclass(frozen=True)
+class BankDesign:
+    """How many views, and how far their settings spread.
+
+    Attributes:
+        settings: views of each camera.
+        training_cameras: places of cameras for calibration.
+        turns: renders of each view at slightly turned settings.
+        trials: noisy captures of each render.
+        zoom: smallest and largest; log-uniform.
+        focus_spread: σ of the logarithm of focus distance over the distance to the middle of the points.
+        aim_share: largest pan and tilt off the middle of the points, in shares of the field of view.
+        noise_ratio: bound on the sampling noise (`render.sampling.Sampling`).
+        seed: of settings, captures and draws.
+    """
+
+    settings: int = 10
+    training_cameras: int = 6
+    turns: int = 2
+    trials: int = 10
+    zoom: tuple[float, float] = (1.5, 6.0)
+    focus_spread: float = 0.35
+    aim_share: float = 0.2
+    noise_ratio: float = 0.6
+    seed: int = 1
+
+
+@dataclass(frozen=True, eq=False)
+class BankView:
+    """A view: the setting that predictions are made for, and its turned renders."""
+
+    camera: PTZCamera
+    renders: tuple[Acquisition, ...]
+
+    def measured(self, acquired: Acquired) -> ViewMeasurement:
+        """The detections of all renders, in pixels of `camera`."""
+        parts = [acquired.measured[item] for item in self.renders]
+        return joined(self.camera, [item.request.camera for item in self.renders], parts)
+
+
+@dataclass(frozen=True, eq=False)
+class ViewBank:
+    """A scene and the views that configurations are drawn from."""
+
+    scene: Scene
+    views: tuple[BankView, ...]
+
+    @property
+    def cameras(self) -> tuple[PTZCamera, ...]:
+        """The setting of each view."""
+        return tuple(view.camera for view in self.views)
+
+    @property
+    def wanted(self) -> list[Acquisition]:
+        """All renders."""
+        return [item for view in self.views for item in view.renders]
+
+    def measured(self, acquired: Acquired) -> tuple[Floats, Floats]:
+        """Pixels (V, T, N, 2) and their covariances in px² (V, T, N, 2, 2); nan where not detected."""
+        parts = [view.measured(acquired) for view in self.views]
+        return np.array([part.pixels for part in parts]), np.array([part.covariance for part in parts])
+
+
+def held_out_views(scene: Scene, design: BankDesign, renderer: str) -> ViewBank:
+    """The scene's own cameras, each at `design.settings` settings."""
+    return _bank(scene, scene.cameras, design, renderer, "held out")
+
+
+def training_views(scene: Scene, design: BankDesign, renderer: str) -> ViewBank:
+    """Cameras at other places along the walls, each at `design.settings` settings."""
+    room, rng = scene.state.room, random_stream(design.seed, scene.path.name, "training places")
+    model, cameras = scene.cameras[0], []
+    for number in range(design.training_cameras):
+        # Evenly along the walls but for a random part, so that no two stand together.
+        along = (number + rng.uniform(0.2, 0.8)) / design.training_cameras
+        x, y = _on_walls(along, room.width_m - 2 * FROM_WALL_M, room.length_m - 2 * FROM_WALL_M)
+        height = room.height_m * rng.uniform(*HEIGHTS)
+        cameras.append(dataclasses.replace(model, position_m=(x, y, height), name=f"training {number + 1}"))
+    return _bank(scene, cameras, design, renderer, "training")
+
+
+def _on_walls(along: float, width: float, length: float) -> tuple[float, float]:
+    """x and y of a place on a rectangle about the origin, `along` its outline from 0 to 1."""
+    way = along * 2 * (width + length)
+    for x, y, dx, dy, side in (
+        (-1, -1, 1, 0, width),
+        (1, -1, 0, 1, length),
+        (1, 1, -1, 0, width),
+        (-1, 1, 0, -1, length),
+    ):
+        if way <= side:
+            return x * width / 2 + dx * way, y * length / 2 + dy * way
+        way -= side
+    return -width / 2, -length / 2
+
+
+def _bank(scene: Scene, cameras: Sequence[PTZCamera], design: BankDesign, renderer: str, role: str) -> ViewBank:
+    middle = scene.state.points_m.mean(axis=0)
+    sampling = Sampling(noise_ratio=design.noise_ratio)
+    views = []
+    for camera in cameras:
+        rng = random_stream(design.seed, f"{scene.path.name}/{camera.name}", role)
+        for _ in range(design.settings):
+            setting = _setting(camera, middle, design, rng)
+            renders = tuple(
+                Acquisition(
+                    ViewRequest(scene.state, part, scene.sensor, sampling, renderer), design.seed, design.trials
+                )
+                for part in turned(setting, design.turns, rng)
+            )
+            views.append(BankView(setting, renders))
+    return ViewBank(scene, tuple(views))
+
+
+def _setting(camera: PTZCamera, middle_m: Floats, design: BankDesign, rng: np.random.Generator) -> PTZCamera:
+    low, high = design.zoom
+    zoom = math.exp(rng.uniform(math.log(low), math.log(min(high, camera.max_zoom))))
+    distance = float(np.linalg.norm(middle_m - camera.position_m))
+    focus = distance * math.exp(design.focus_spread * rng.standard_normal())
+    aimed = dataclasses.replace(camera, zoom=zoom, focus_distance_m=focus).aimed_at(middle_m)
+    pan, tilt = design.aim_share * aimed.horizontal_fov_deg * rng.uniform(-1, 1, size=2)
+    return dataclasses.replace(aimed, pan_deg=aimed.pan_deg + float(pan), tilt_deg=aimed.tilt_deg + float(tilt))
+
+
+def draw_configurations(
+    camera_names: Sequence[str], size: int, count: int, rng: np.random.Generator
+) -> NDArray[np.int64]:
+    """Draw `count` different configurations of `size` views, each of another camera, as indices of views.
+
+    A configuration takes views of different cameras, since one camera has one setting at a time.
+
+    Returns:
+        (K, size), sorted; K is `count`, or what there is if that is less.
+    """
+    names = sorted(set(camera_names))
+    of_camera = {name: [view for view, other in enumerate(camera_names) if other == name] for name in names}
+    found: set[tuple[int, ...]] = set()
+    attempts = 0
+    while len(found) < count and attempts < MOST_ATTEMPTS * count and size <= len(names):
+        attempts += 1
+        chosen = rng.choice(len(names), size=size, replace=False)
+        found.add(tuple(sorted(int(rng.choice(of_camera[names[c]])) for c in chosen)))
+    return np.array(sorted(found), dtype=np.int64).reshape(-1, size)

@@ -1,0 +1,120 @@
+"""How well numbers rank configurations of one camera count, with intervals over views crossed with points.
+
+All numbers are judged on the same resamples, so that differences between two of them keep their pairing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from validate.intervals import CROSSED_SPREAD, interval, weighted_spearman
+
+__all__ = ["Judged", "Resamples", "judge_against", "partial", "regrets", "top_hits"]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Resamples:
+    """Random weights: `views` of each configuration (B, K), products of its views' weights; `points` (B, N)."""
+
+    views: Floats
+    points: Floats
+
+    @classmethod
+    def drawn(cls, views: ArrayLike, points: int, rng: np.random.Generator, count: int) -> Resamples:
+        """`count` resamples for configurations `views` (K, c) and so many points."""
+        names, index = np.unique(np.asarray(views), return_inverse=True)
+        index = index.reshape(len(np.asarray(views)), -1)
+        shape = CROSSED_SPREAD**-2
+        of_views = rng.gamma(shape, 1 / shape, size=(count, len(names)))
+        return cls(of_views[:, index].prod(axis=-1), rng.gamma(shape, 1 / shape, size=(count, points)))
+
+    def of(self, values: Floats) -> Floats:
+        """The yardstick or metric on each resample, (B, K): a mean over points (K, N), or a number as it is (K,)."""
+        return self.points @ values.T if values.ndim == 2 else np.broadcast_to(values, (len(self.points), len(values)))
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A statistic, its deviations (B,) over the resamples, and its 95 % interval."""
+
+    estimate: float
+    samples: Floats
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Ends of the interval; nan where the statistic is not defined."""
+        if not np.isfinite(self.estimate) or not np.isfinite(self.samples).any():
+            return float("nan"), float("nan")
+        known = self.samples[np.isfinite(self.samples)]
+        low, high = interval((known - known.mean()) / CROSSED_SPREAD + self.estimate)
+        return float(low), float(high)
+
+    def minus(self, other: Judged) -> Judged:
+        """The difference, on the same resamples."""
+        return Judged(self.estimate - other.estimate, self.samples - other.samples)
+
+
+def judge_against(metric: Floats, yardstick: Floats, resamples: Resamples, sign: int = 1) -> Judged:
+    """Spearman's ρ of a metric with a yardstick, each (K,) or the terms of a mean over points (K, N).
+
+    Args:
+        sign: −1 where the one is better when higher and the other when lower.
+    """
+    plain = [values.mean(axis=1) if values.ndim == 2 else values for values in (metric, yardstick)]
+    estimate = sign * float(weighted_spearman(*plain))
+    samples = sign * weighted_spearman(resamples.of(metric), resamples.of(yardstick), resamples.views)
+    return Judged(estimate, np.asarray(samples))
+
+
+def partial(xy: Judged, xz: Judged, yz: Judged) -> Judged:
+    """Partial rank correlation of x and y given z."""
+
+    def of(a: ArrayLike, b: ArrayLike, c: ArrayLike) -> Floats:
+        a, b, c = (np.asarray(value, dtype=float) for value in (a, b, c))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray((a - b * c) / np.sqrt((1 - b**2) * (1 - c**2)))
+
+    return Judged(float(of(xy.estimate, xz.estimate, yz.estimate)), np.asarray(of(xy.samples, xz.samples, yz.samples)))
+
+
+def regrets(
+    score: Floats, halves: Sequence[Floats], size: int, rng: np.random.Generator, draws: int = 1000
+) -> tuple[Floats, Floats]:
+    """Regret of choosing one of `size` configurations, (draws,), and that of the oracle, who has the other half.
+
+    1 − measured(chosen)/max measured on one half of the trials, averaged over the halves. A metric that gives several
+    the best score is charged their average.
+
+    Args:
+        score: (K,), higher is better; nan is never chosen.
+        halves: measured yardstick on each half of the trials, (K,) each, higher is better.
+    """
+    known = np.where(np.isnan(score), -np.inf, score)
+    chosen = np.array([rng.choice(len(score), size=min(size, len(score)), replace=False) for _ in range(draws)])
+
+    def lost(by: Floats, measured: Floats) -> Floats:
+        values, seen = by[chosen], measured[chosen]
+        best = values == values.max(axis=1, keepdims=True)
+        most = seen.max(axis=1)
+        got = (seen * best).sum(axis=1) / best.sum(axis=1)
+        return np.where(most > 0, 1 - got / np.where(most > 0, most, 1), 0.0)
+
+    a, b = halves
+    return (lost(known, a) + lost(known, b)) / 2, (lost(a, b) + lost(b, a)) / 2
+
+
+def top_hits(score: Floats, measured: Floats, share: float) -> float:
+    """Share of the best `share` of configurations by measurement that are among the best by the score (ties shared)."""
+    count = max(1, round(share * len(score)))
+    known = np.where(np.isnan(score), -np.inf, score)
+    best = np.argsort(measured)[::-1][:count]
+    limit = np.sort(known)[::-1][count - 1]
+    above, tied = known > limit, known == limit
+    weight = above + tied * ((count - above.sum()) / max(tied.sum(), 1))
+    return float(weight[best].sum() / count)
