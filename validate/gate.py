@@ -1,7 +1,8 @@
-"""The gate: does the prediction rank configurations as the measurement does? A pure function from numbers to claims.
+"""The gate: does the prediction rank configurations as the measurement does? Pure functions from numbers to claims.
 
-A claim holds if the whole interval lies above its bound. It is judged within an equal camera count: over different
-counts, any number that grows with the cameras correlates.
+A claim holds if the whole interval lies above its bound. Ranks are judged within an equal camera count: over different
+counts, any number that grows with the cameras correlates. The gate stands or falls with all its claims, so that each is
+judged at a level that holds for the family (Bonferroni).
 """
 
 from __future__ import annotations
@@ -13,9 +14,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pss.errors import RangeError, ShapeError
-from validate.intervals import crossed_spearman
+from validate.intervals import crossed_spearman, interval
 
-__all__ = ["FEWEST_CONFIGURATIONS", "Claim", "format_claims", "judge"]
+__all__ = ["FAMILY_LEVEL", "FEWEST_CONFIGURATIONS", "Claim", "family_level", "format_claims", "judge", "turn_shows"]
+
+# Chance that all intervals of a gate cover what they are for.
+FAMILY_LEVEL = 0.95
+# A turn of the camera that the measuring side is not told of has to show in its detections within this share of itself.
+TURN_TOLERANCE = 0.05
+BOOTSTRAPS = 1000
 
 # Fewer ranks than this say nothing: by pure chance one order in 120 of five configurations is the right one.
 FEWEST_CONFIGURATIONS = 8
@@ -28,7 +35,7 @@ class Claim:
     Attributes:
         name: what is claimed, in words.
         figure: the measured figure, nan if it is not defined.
-        low, high: its 95 % interval.
+        low, high: its interval.
         bound: what `low` has to reach.
         holds: it does. An unknown figure holds nothing.
     """
@@ -51,6 +58,7 @@ def judge(
     cameras: int | None = None,
     label: str = "predicted PSS",
     replicates: int = 500,
+    level: float = FAMILY_LEVEL,
 ) -> list[Claim]:
     """Judge the rank correlation of predicted with measured single-frame PSS within each camera count.
 
@@ -61,6 +69,7 @@ def judge(
         bound: the least Spearman's ρ that the interval's lower end has to reach.
         cameras: judge this count only; every count if None.
         label: what predicts, for the claims' names.
+        level: of the interval; `family_level` of the number of claims that are judged together.
 
     Returns:
         One claim for each camera count, in ascending order. With fewer than `FEWEST_CONFIGURATIONS` of a count, the
@@ -81,10 +90,41 @@ def judge(
         figures = (np.nan, np.nan, np.nan)
         if len(chosen) >= FEWEST_CONFIGURATIONS:
             table = np.array([list(views[k]) for k in chosen])
-            figures = crossed_spearman(metric[chosen], measured[chosen], table, rng, replicates)
+            figures = crossed_spearman(metric[chosen], measured[chosen], table, rng, replicates, level)
         name = f"Spearman of {label} with measured PSS, {count} cameras, {len(chosen)} configurations"
         claims.append(Claim(name, *figures, bound, holds=bool(figures[1] >= bound)))
     return claims
+
+
+def family_level(claims: int) -> float:
+    """Level of each interval so that all of so many hold together with `FAMILY_LEVEL`, whatever they share."""
+    return 1 - (1 - FAMILY_LEVEL) / claims
+
+
+def turn_shows(
+    residuals_px: ArrayLike, shift_px: ArrayLike, rng: np.random.Generator, level: float = FAMILY_LEVEL
+) -> Claim:
+    """Judge whether a turn of the rendered camera, of which the measuring side knows nothing, shows in full.
+
+    A detection that is fed with true projections, and noise of whatever size, shows nothing of it.
+
+    Args:
+        residuals_px: detections less projections by the camera as it is said to be, (T, N, 2); nan if not detected.
+        shift_px: what the turn does to the projections, (N, 2).
+    """
+    residuals, shift = np.asarray(residuals_px, dtype=np.float64), np.asarray(shift_px, dtype=np.float64)
+    if residuals.ndim != 3 or residuals.shape[1:] != shift.shape:
+        raise ShapeError(f"residuals_px {residuals.shape}, shift_px {shift.shape}; allowed: (T, N, 2) and (N, 2)")
+    seen = np.isfinite(residuals[..., 0]).any(axis=0)
+    mean = np.nanmean(residuals[:, seen], axis=0)
+    shown, turned = (mean * shift[seen]).sum(axis=1), (shift[seen] ** 2).sum(axis=1)
+    figures = (np.nan, np.nan, np.nan)
+    if seen.sum() >= FEWEST_CONFIGURATIONS and turned.sum() > 0:
+        weights = rng.dirichlet(np.ones(len(shown)), size=BOOTSTRAPS)
+        low, high = interval((weights @ shown) / (weights @ turned), level)
+        figures = (float(shown.sum() / turned.sum()), float(low), float(high))
+    holds = bool(figures[1] >= 1 - TURN_TOLERANCE and figures[2] <= 1 + TURN_TOLERANCE)
+    return Claim("share of an untold turn of the camera that shows", *figures, 1 - TURN_TOLERANCE, holds)
 
 
 def format_claims(claims: Iterable[Claim]) -> str:

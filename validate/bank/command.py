@@ -20,6 +20,7 @@ from scenes import load_scene
 from scenes.sweep_file import SWEEPS
 from validate.acquire import Acquired, acquire
 from validate.bank.design import BankDesign, ViewBank, held_out_views, training_views
+from validate.bank.findings import findings, read_tables
 from validate.bank.study import (
     asked_pairs,
     calibrated,
@@ -100,6 +101,7 @@ def run(
             tables[f"{second.scene.path.stem}-{name}"] = rows
     for name, rows in tables.items():
         write_csv(out / f"{name}.csv", rows)
+    write_text(out / "findings.md", findings(read_tables(out)))
     seconds = {"views": after_views - begin, "total": time.perf_counter() - begin}
     content = {
         "design": asdict(design),
