@@ -1,16 +1,20 @@
-"""Frozen bias and noise of the localisation over the room's seven views: `python benchmarks/localisation.py`.
+"""Bias, noise and efficiency of the localisation over the room's seven views: `python benchmarks/localisation.py`.
 
 Bias: registration of noise-free renders against the camera model. Noise: spread over trials, beside the σ that each
-detection claims for itself. By module size in pixels.
+detection claims for itself, and the Cramér–Rao bound of every fifth marker, drawn without the renderer. By module size
+in pixels. `--parts` exchanges one piece of the localisation after another and prints the bias that it leaves.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import dataclasses
 import itertools
 import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from unittest.mock import patch
 
 import cv2
 import numpy as np
@@ -20,69 +24,232 @@ from render.sampling import Sampling
 from render.sensor import capture
 from render.view import Renderer, random_stream
 from scenes import load_scene
+from validate import localise as localisation
+from validate import registration, template
 from validate.acquire import baked
+from validate.bound import centre_bound, draw_finely, pixel_sums
 from validate.detect import find_markers
 from validate.localise import BIAS_FLOOR_PX, localise
 from validate.measure import measure_capture
 from validate.store import Store
 
 SIZES_PX = (0, 4, 6, 8, 12, 40)
+# A bound takes about a second; of so many markers one is drawn, with so many samples along a pixel's side.
+BOUND_EVERY, SAMPLES = 5, 8
+RATIOS = (0.1, 0.25, 0.6)
+DEFOCUSED_M = (2.0, 6.0)
+
+
+class Room:
+    """The shipped room, with a renderer."""
+
+    def __init__(self, store: Path) -> None:
+        self.scene = load_scene(Path(__file__).parents[1] / "scenes" / "room.toml")
+        self.sensor, self.dictionary = self.scene.sensor, self.scene.state.print.dictionary
+        self.ids = [marker.id for marker in self.scene.state.markers]
+        self.chosen = backend.choose()
+        self.renderer = Renderer(self.scene.state, baked(self.scene.state, Store(store)), self.chosen)
+
+    def render(self, camera, noise_ratio):
+        """Name and mean electrons of a view."""
+        request = self.renderer.request(camera, self.sensor, Sampling(noise_ratio=noise_ratio))
+        return request.key, self.renderer.render(request).expected_electrons()
+
+    def clean(self, electrons):
+        """Digital numbers without noise or rounding."""
+        numbers = electrons / self.sensor.gain_e_per_dn + self.sensor.black_level_dn
+        return numbers.astype(np.float32)
+
+    def found(self, electrons) -> Iterator[tuple[int, np.ndarray]]:
+        """Number in the scene and corners of each marker that is found without noise."""
+        found = find_markers(np.rint(self.clean(electrons)).astype(np.uint16), self.dictionary)
+        for marker, corners in zip(found.ids.tolist(), found.corners_px, strict=True):
+            yield self.ids.index(marker), corners
+
+    def drawn(self, camera, number, electrons):
+        """A marker drawn finely with the levels of its render, its homography, and its corner in the image."""
+        marker = self.scene.state.markers[number]
+        centre, right = np.array(marker.centre_m), np.array(marker.right)
+        down = np.cross(right, marker.normal)
+        ends = np.array([[-4, -4], [4, -4], [4, 4], [-4, 4]], dtype=np.float32)
+        outline = camera.project(centre + marker.module_m * (ends[:, :1] * right + ends[:, 1:] * down))[0]
+        corner = np.floor(outline.min(axis=0)).astype(int)
+        width, height = np.ceil(outline.max(axis=0)).astype(int) + 1 - corner
+        h = cv2.getPerspectiveTransform(ends, (outline - corner).astype(np.float32))
+        disc = float(camera.circle_of_confusion_px(centre))
+        unit = pixel_sums(
+            draw_finely(self.dictionary, marker.id, h, (height, width), (0.0, 1.0), disc, SAMPLES), SAMPLES
+        )
+        part = electrons[corner[1] : corner[1] + height, corner[0] : corner[0] + width]
+        gain, black = np.polyfit(pixel_sums(unit, SAMPLES)[0].ravel(), part.ravel(), 1)
+        levels = (black, black + gain)
+        return draw_finely(self.dictionary, marker.id, h, (height, width), levels, disc, SAMPLES), h, corner
+
+
+def table(room: Room, trials: int, zooms: list[float]) -> None:
+    """Print a row for each range of module sizes."""
+    scene, rows, seconds, registrations = room.scene, [], 0.0, 0
+    for zoom, camera in itertools.product(zooms, scene.cameras):
+        camera = dataclasses.replace(camera, zoom=zoom)
+        key, electrons = room.render(camera, 0.25)
+        truth, depth = camera.project(scene.state.points_m)
+        clean = room.clean(electrons)
+        measured = [
+            measure_capture(
+                capture(electrons, room.sensor, random_stream(1, key, "capture", trial)),
+                room.dictionary,
+                tuple(room.ids),
+                room.sensor,
+            )[:2]
+            for trial in range(trials)
+        ]
+        pixels, covariance = (np.array(part) for part in zip(*measured, strict=True))
+        for n, corners in room.found(electrons):
+            begin = time.thread_time()
+            exact = localise(clean, corners, room.ids[n], room.dictionary, room.sensor)
+            seconds, registrations = seconds + time.thread_time() - begin, registrations + 1
+            if exact is None or np.isfinite(pixels[:, n, 0]).sum() < trials:
+                continue
+            module = scene.state.markers[n].module_m * camera.focal_px / depth[n]
+            claimed = covariance[:, n].trace(axis1=1, axis2=2).mean() / 2 - BIAS_FLOOR_PX**2
+            spread, bound = pixels[:, n].var(axis=0, ddof=1).mean(), np.nan
+            if len(rows) % BOUND_EVERY == 0:
+                fine, h, _ = room.drawn(camera, n, electrons)
+                bound = np.trace(centre_bound(fine, SAMPLES, h, 6, room.sensor)) / 2
+            rows.append((module, *(exact.centre_px - truth[n]), spread, claimed, bound))
+    print("module px   markers  mean bias x, y px   RMS bias px  noise σ px  claimed σ px  bound σ px  efficiency")
+    numbers = np.array(rows)
+    for low, high in itertools.pairwise(SIZES_PX):
+        part = numbers[(numbers[:, 0] >= low) & (numbers[:, 0] < high)]
+        if not len(part):
+            continue
+        mean, rms = part[:, 1:3].mean(axis=0), np.sqrt((part[:, 1:3] ** 2).mean())
+        known = part[np.isfinite(part[:, 5])]
+        efficiency = known[:, 5].mean() / known[:, 3].mean() if len(known) else np.nan
+        sigmas = np.sqrt([part[:, 3].mean(), part[:, 4].mean(), np.nanmean(part[:, 5]) if len(known) else np.nan])
+        print(
+            f"{low:3d} to {high:2d}   {len(part):6d}   {mean[0]:+.4f} {mean[1]:+.4f}     {rms:.4f}       "
+            f"{sigmas[0]:.4f}      {sigmas[1]:.4f}        {sigmas[2]:.4f}      {efficiency:.2f}"
+        )
+    print(f"{1000 * seconds / registrations:.1f} ms of processor time a registration")
+
+
+# ---- part by part ----------------------------------------------------------------------------------------------------
+
+
+def _after(change: Callable) -> contextlib.AbstractContextManager:
+    """`Fit.after`, with its result changed by (before, result)."""
+    original = registration.Fit.after
+    return patch.object(registration.Fit, "after", lambda fit, step, half: change(fit, original(fit, step, half)))
+
+
+def _without_corners() -> contextlib.AbstractContextManager:
+    original = template.MarkerImage.__init__
+
+    def changed(image, *arguments):
+        original(image, *arguments)
+        image._cross = np.float32(0)
+
+    return patch.object(template.MarkerImage, "__init__", changed)
+
+
+def _true_blur(room: Room, camera, number) -> contextlib.AbstractContextManager:
+    """The blur of the camera model from the first step on, and never changed."""
+    variance = float(camera.circle_of_confusion_px(np.array(room.scene.state.markers[number].centre_m))) ** 2 / 16
+    original = localisation.coarse_fit
+
+    def changed(*arguments):
+        fit = original(*arguments)
+        return fit and dataclasses.replace(fit, blur_px2=variance)
+
+    stack = contextlib.ExitStack()
+    stack.enter_context(patch.object(localisation, "coarse_fit", changed))
+    stack.enter_context(_after(lambda fit, after: dataclasses.replace(after, blur_px2=fit.blur_px2)))
+    return stack
+
+
+def _gaussian(cycles, to_modules, blur_px2):
+    scale = 2 * np.pi**2 * blur_px2 * (to_modules**2).sum(axis=1)
+    return np.exp(-scale[:, None] * cycles**2)
+
+
+def _pixels_without_width(cycles, to_modules):
+    return np.ones((2, len(cycles)))
+
+
+VARIANTS = {
+    "as it is": lambda *_: contextlib.nullcontext(),
+    "fitted until nothing moves": lambda *_: patch.object(localisation, "CONVERGED_SIGMAS", 1e-3),
+    "blur of the camera model": _true_blur,
+    "Gaussian for the lens's disc": lambda *_: patch.object(template, "lens_transform", _gaussian),
+    "no shading": lambda *_: _after(lambda _, after: dataclasses.replace(after, shading=(0.0, 0.0))),
+    "corners by projections alone": lambda *_: _without_corners(),
+    "pixels without width": lambda *_: patch.object(template, "pixel_transform", _pixels_without_width),
+    "coarse registration alone": None,
+}
+
+
+def parts(room: Room) -> None:
+    """Print the RMS bias that each variant leaves, in focus and out of it, for markers with modules of 6 px or more."""
+    focused = list(room.scene.cameras)
+    defocused = [
+        dataclasses.replace(room.scene.camera(name), focus_distance_m=focus)
+        for name, focus in itertools.product("246", DEFOCUSED_M)
+    ]
+    for title, cameras in (("in focus", focused), ("focused at 2 and 6 m", defocused)):
+        views = {ratio: [room.render(camera, ratio)[1] for camera in cameras] for ratio in RATIOS}
+        print(title)
+        for ratio in RATIOS:
+            _row(f"render at noise ratio {ratio}", room, cameras, views[ratio], VARIANTS["as it is"])
+        _row("drawn, with the render's levels", room, cameras, views[0.1], VARIANTS["as it is"], drawn=True)
+        for name, variant in VARIANTS.items():
+            _row(name, room, cameras, views[0.1], variant)
+
+
+def _row(name: str, room: Room, cameras, views, variant, drawn: bool = False) -> None:
+    errors, refused = [], 0
+    for camera, electrons in zip(cameras, views, strict=True):
+        truth, _ = camera.project(room.scene.state.points_m)
+        clean = room.clean(electrons)
+        for number, (n, corners) in enumerate(room.found(electrons)):
+            numbers, origin = clean, 0
+            if drawn:
+                if number % BOUND_EVERY:
+                    continue
+                fine, _, origin = room.drawn(camera, n, electrons)
+                numbers = room.clean(pixel_sums(fine, SAMPLES)[0])
+            if variant is None:
+                start = localisation._start(corners, 3.0)
+                fit = localisation.coarse_fit(numbers, start, room.ids[n], room.dictionary)
+                centre = None if fit is None else registration.centre_of(fit.homography)
+            else:
+                with variant(room, camera, n):
+                    found = localise(numbers, corners - origin, room.ids[n], room.dictionary, room.sensor)
+                centre = None if found is None else found.centre_px
+            if centre is None:
+                refused += 1
+            else:
+                errors.append(centre + origin - truth[n])
+    error = np.array(errors)
+    rms, typical = np.sqrt((error**2).mean()), np.median(np.abs(error)) / 0.6745
+    print(f"  {name:34s} {len(error):4d} markers, {refused:2d} refused: RMS {rms:.4f}, typical {typical:.4f} px")
 
 
 def main() -> None:
-    """Print a row for each range of module sizes."""
+    """Print the table, or with `--parts` the bias part by part."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--trials", type=int, default=10)
     parser.add_argument("--zooms", type=float, nargs="+", default=[2.0, 3.0, 5.0])
     parser.add_argument("--store", type=Path, default=Path("results/store"))
+    parser.add_argument("--parts", action="store_true")
     options = parser.parse_args()
     cv2.setNumThreads(1)
-    scene = load_scene(Path(__file__).parents[1] / "scenes" / "room.toml")
-    ids = tuple(marker.id for marker in scene.state.markers)
-    dictionary = scene.state.print.dictionary
-    chosen = backend.choose()
-    renderer = Renderer(scene.state, baked(scene.state, Store(options.store)), chosen)
-    rows, seconds, registrations = [], 0.0, 0
-    for zoom in options.zooms:
-        for camera in scene.cameras:
-            camera = dataclasses.replace(camera, zoom=zoom)
-            request = renderer.request(camera, scene.sensor, Sampling())
-            electrons = renderer.render(request).expected_electrons()
-            truth, depth = camera.project(scene.state.points_m)
-            clean = electrons / scene.sensor.gain_e_per_dn + scene.sensor.black_level_dn
-            trials = [
-                measure_capture(
-                    capture(electrons, scene.sensor, random_stream(1, request.key, "capture", trial)),
-                    dictionary,
-                    ids,
-                    scene.sensor,
-                )[:2]
-                for trial in range(options.trials)
-            ]
-            pixels, covariance = (np.array(part) for part in zip(*trials, strict=True))
-            found = find_markers(np.rint(clean).astype(np.uint16), dictionary)
-            for marker, corners in zip(found.ids.tolist(), found.corners_px, strict=True):
-                begin = time.perf_counter()
-                exact = localise(clean.astype(np.float32), corners, marker, dictionary, scene.sensor)
-                seconds, registrations = seconds + time.perf_counter() - begin, registrations + 1
-                n = ids.index(marker)
-                if exact is None or np.isfinite(pixels[:, n, 0]).sum() < options.trials:
-                    continue
-                module = scene.state.markers[n].module_m * camera.focal_px / depth[n]
-                claimed = covariance[:, n].trace(axis1=1, axis2=2).mean() / 2 - BIAS_FLOOR_PX**2
-                rows.append((module, *(exact.centre_px - truth[n]), pixels[:, n].var(axis=0, ddof=1).mean(), claimed))
-    table = np.array(rows)
-    print(f"{chosen}\nmodule px   markers  mean bias x, y px   RMS bias px  noise σ px  claimed σ px")
-    for low, high in itertools.pairwise(SIZES_PX):
-        part = table[(table[:, 0] >= low) & (table[:, 0] < high)]
-        if len(part):
-            mean, rms = part[:, 1:3].mean(axis=0), np.sqrt((part[:, 1:3] ** 2).mean())
-            noise, claimed = np.sqrt(part[:, 3].mean()), np.sqrt(part[:, 4].mean())
-            print(
-                f"{low:3d} to {high:2d}   {len(part):6d}   {mean[0]:+.4f} {mean[1]:+.4f}     {rms:.4f}       "
-                f"{noise:.4f}      {claimed:.4f}"
-            )
-    print(f"{1000 * seconds / registrations:.1f} ms a registration")
+    room = Room(options.store)
+    print(room.chosen)
+    if options.parts:
+        parts(room)
+    else:
+        table(room, options.trials, options.zooms)
 
 
 if __name__ == "__main__":

@@ -1,14 +1,15 @@
 """Localise a marker's centre by registering its own ideal image to the capture, with the covariance of the result.
 
-The decoded marker tells what its image should look like; `cv2.findTransformECC` aligns that image to the capture by a
-homography, to a few thousandths of a pixel. The covariance comes from the same image: the gradients of the fitted
-template under the noise of the capture (the sensor's calibration turns grey values into noise, as in a real camera).
+The decoded marker tells what its image should look like. A coarse registration starts from the detector's corners; then
+the pixels on the marker are fitted, each with the weight of its own noise (the sensor's calibration turns grey values
+into noise, as in a real camera). The covariance is the inverse of that fit's Fisher matrix, and the fit's residuals say
+whether the marker was what it was taken for. Nothing of it knows the truth.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from enum import Enum
 
 import cv2
 import numpy as np
@@ -16,219 +17,152 @@ from numpy.typing import NDArray
 
 from pss import ImageSensor
 from render.markers import pattern
+from validate.coarse import coarse_fit
+from validate.registration import Fit, Linearised, Pixels, centre_of, local_scale, pixels_on
+from validate.template import DIAMETERS_PER_SIGMA, MarkerImage
 
-__all__ = ["Localised", "localise"]
+__all__ = ["Localised", "Refusal", "localise", "register"]
 
 Floats = NDArray[np.floating]
 
-# The template reaches this far beyond the black border: inside the quiet zone, so that what lies beyond the plate stays
-# out even where the plate's edge is blurred.
-MARGIN_MODULES = 0.75
-# Template pixels a module: about as many as the image has, in a few steps, so that templates are drawn once. Small
-# modules are drawn finer than they appear, which lowers the frozen bias of linear interpolation; large ones coarser,
-# which costs time but no accuracy.
-PX_PER_MODULE = (8, 10, 12, 14)
-# The first alignment only brings the template to where it can be compared: it may be coarse.
-COARSE_PX_PER_MODULE = 6
-# Patches of markers with smaller modules are enlarged twice before they are registered.
-ENLARGE_BELOW_PX_PER_MODULE = 8.0
-TEMPLATE_TEXELS_PER_MODULE = 16
-# Gaussian blurs (σ in modules) that the template is tried with: from a sharp print to a marker that just decodes.
-BLURS_MODULES = (0.045, 0.08, 0.13, 0.2, 0.3, 0.42, 0.6)
-COARSE_BLUR_MODULES = 0.2
-COARSE_ITERATIONS, ITERATIONS = 8, 5
-PRECISION = 1e-5
+# Pixels count this far beyond the black border: inside the quiet zone, so that what lies beyond the plate stays out.
+# Where the plate's edge is blurred, its blur does, but never so much that the border's own edge goes with it.
+MARGIN_MODULES, SMALLEST_MARGIN_MODULES = 0.75, 0.25
+# px from its centre that a pixel reaches, along its diagonal.
+PIXEL_REACH_PX = 0.71
+# The first step from the coarse registration is taken on a part of the pixels, about so many a module each way.
+FIRST_PX_PER_MODULE = 5.0
+# Enough for the parameters many times over; a marker that was decoded has ten times as many.
+FEWEST_PIXELS = 60
+# Steps until the last one moved the centre by less than this many of its σ: the error left is smaller by another factor
+# of five, so that 1 % is added to the variance (benchmarks/README.md).
+CONVERGED_SIGMAS = 0.5
+MOST_STEPS = 6
+# The ideal image is drawn anew where the fit's blur is further from it than this, as a share and in px²; within, its
+# derivative serves.
+SAME_BLUR_SHARE, SAME_BLUR_PX2 = 0.1, 0.02
 # What registration leaves as a bias that no covariance from noise can know of (px, σ per axis); RMS measured on
 # noise-free renders (benchmarks/README.md).
-BIAS_FLOOR_PX = 0.008
+BIAS_FLOOR_PX = 0.002
 # A registration below this correlation is not the marker it was decoded as, or nearly all noise.
 SMALLEST_CORRELATION = 0.5
 # The registration must end near its start: the corners are good to about a pixel, blur and noise may triple that.
 LARGEST_MOVE_MODULES = 1.0
+# Reduced χ² of the residuals: 1, by chance this many σ more, a little for the sampling noise of renders, and what a
+# model that is off by this share of the contrast adds. Registered markers stay within a third of that share; one whose
+# border is hidden in part is off by ten times as much.
+CHANCE_SIGMAS, LARGEST_EXCESS, MODEL_SHARE = 5.0, 0.05, 0.03
+
+
+class Refusal(Enum):
+    """Why a decoded marker was not localised."""
+
+    CUT = "the image ends on it"
+    LOST = "the registration did not settle near the corners"
+    UNLIKE = "its pixels are not those of this marker"
 
 
 @dataclass(frozen=True, eq=False)
 class Localised:
-    """A centre in OpenCV's pixels (2,), its covariance in px² (2, 2), and the correlation of the registration."""
+    """Where a marker's centre is.
+
+    Attributes:
+        centre_px: px, OpenCV's, (2,).
+        covariance_px2: px², (2, 2).
+        correlation: of the marker's pixels and their model.
+        residual_chi2: reduced χ² of the fit's residuals under the sensor's noise.
+    """
 
     centre_px: Floats
     covariance_px2: Floats
     correlation: float
-
-
-@lru_cache(maxsize=4096)
-def _template(dictionary: str, marker_id: int, size: int, blur_modules: float) -> NDArray[np.float32]:
-    """The ideal image (size, size) of a marker with its margin, black 0 and white 1, blurred."""
-    cut = round((1 - MARGIN_MODULES) * TEMPLATE_TEXELS_PER_MODULE)
-    fine = _drawn(dictionary, marker_id, blur_modules)[cut:-cut, cut:-cut]
-    return np.asarray(cv2.resize(fine, (size, size), interpolation=cv2.INTER_AREA))
-
-
-@lru_cache(maxsize=1024)
-def _drawn(dictionary: str, marker_id: int, blur_modules: float) -> NDArray[np.float32]:
-    """A marker with a whole module of quiet zone, finely drawn, then blurred: the blur meets white at the cut."""
-    black_and_white = pattern(dictionary, marker_id).astype(np.float32)
-    texels = TEMPLATE_TEXELS_PER_MODULE
-    fine = np.kron(np.pad(black_and_white, 1, constant_values=1.0), np.ones((texels, texels), dtype=np.float32))
-    return np.asarray(cv2.GaussianBlur(fine, (0, 0), blur_modules * texels, borderType=cv2.BORDER_REPLICATE))
-
-
-@lru_cache(maxsize=1024)
-def _normalised(dictionary: str, marker_id: int, size: int) -> NDArray[np.float32]:
-    """The templates of all blurs as unit vectors about their mean, (B, size²): their products are correlations."""
-    rows = np.array([_template(dictionary, marker_id, size, blur).ravel() for blur in BLURS_MODULES])
-    rows -= rows.mean(axis=1, keepdims=True)
-    return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
-
-
-@lru_cache(maxsize=64)
-def _fields(size: int) -> NDArray[np.float32]:
-    """How the parameters of a homography about the centre move a template pixel: (8, 2, size²) for (x, y).
-
-    Coordinates are in units of half the template's size; the first two parameters move everything alike.
-    """
-    across = ((np.arange(size) - (size - 1) / 2) / (size / 2)).astype(np.float32)
-    y, x = (axis.ravel() for axis in np.meshgrid(across, across, indexing="ij"))
-    one, none = np.ones_like(x), np.zeros_like(x)
-    moves = [(one, none), (none, one), (x, none), (y, none), (none, x), (none, y), (x * x, x * y), (x * y, y * y)]
-    return np.array(moves)
+    residual_chi2: float
 
 
 def localise(
     capture_dn: NDArray[np.uint16], corners_px: Floats, marker_id: int, dictionary: str, sensor: ImageSensor
 ) -> Localised | None:
-    """Register one decoded marker; None where the registration fails.
+    """Register one decoded marker; None where that is refused. Arguments as of `register`."""
+    found = register(capture_dn, corners_px, marker_id, dictionary, sensor)
+    return found if isinstance(found, Localised) else None
+
+
+def register(
+    capture_dn: NDArray[np.uint16], corners_px: Floats, marker_id: int, dictionary: str, sensor: ImageSensor
+) -> Localised | Refusal:
+    """Register one decoded marker, or say why not.
 
     Args:
         capture_dn: digital numbers, (height, width).
         corners_px: pixels, the corners of its black border as the detector found them, (4, 2), top left first.
     """
-    modules = len(pattern(dictionary, marker_id))
-    sides = np.linalg.norm(corners_px - np.roll(corners_px, 1, axis=0), axis=1)
-    px_per_module = float(sides.mean()) / modules
-    span = modules + 2 * MARGIN_MODULES
-    finest = next((px for px in PX_PER_MODULE if px >= px_per_module), PX_PER_MODULE[-1])
-    size, coarse_size = round(span * finest), round(span * COARSE_PX_PER_MODULE)
-    warp = _start(corners_px, modules, size)
+    half = len(pattern(dictionary, marker_id)) / 2
+    start = _start(corners_px, half)
+    if not _inside(start, half + MARGIN_MODULES, capture_dn.shape):
+        return Refusal.CUT
+    fit = coarse_fit(capture_dn, start, marker_id, dictionary)
+    if fit is None or not _near(fit, start):
+        return Refusal.LOST
 
-    patch, left, top = _crop(capture_dn, warp, size, px_per_module)
-    if patch is None:
-        return None
-    scale = 2 if px_per_module < ENLARGE_BELOW_PX_PER_MODULE else 1
-    if scale > 1:
-        patch = cv2.resize(patch, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC)
-    # Pixel centres at (0, 0) on both sides: enlarged = scale · pixel + (scale − 1)/2.
-    to_patch = np.array(
-        [[scale, 0, (scale - 1) / 2 - scale * left], [0, scale, (scale - 1) / 2 - scale * top], [0, 0, 1.0]]
-    )
-    registered = _register(patch, to_patch @ warp, dictionary, marker_id, size, coarse_size)
-    if registered is None:
-        return None
-    patch_warp, template, correlation = registered
-    final = np.linalg.inv(to_patch) @ patch_warp
-    centre, start = _apply(final, size), _apply(warp, size)
-    if correlation < SMALLEST_CORRELATION or np.linalg.norm(centre - start) > LARGEST_MOVE_MODULES * px_per_module:
-        return None
-    seen = cv2.warpPerspective(patch, patch_warp, (size, size), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
-    covariance = _covariance(seen, template, final, sensor)
-    return None if covariance is None else Localised(centre, covariance, correlation)
+    thinning = round(_px_per_module(start) / FIRST_PX_PER_MODULE)
+    image: MarkerImage | None = None
+    pixels: Pixels | None = None
+    move = np.inf
+    for number in range(MOST_STEPS):
+        if number < 2:
+            pixels = _pixels(capture_dn, fit, half, thinning if number == 0 else 0)
+        if image is None or abs(fit.blur_px2 - image.blur_px2) > SAME_BLUR_SHARE * image.blur_px2 + SAME_BLUR_PX2:
+            image = MarkerImage(dictionary, marker_id, cv2.invert(local_scale(fit.homography))[1], fit.blur_px2)
+        if pixels is None:
+            return Refusal.LOST
+        linearised = Linearised(pixels, fit, image, sensor)
+        if linearised.covariance is None or not linearised.fit.gain_dn > 0:
+            return Refusal.LOST
+        fit, chi2, move = linearised.step()
+        if not _near(fit, start):
+            return Refusal.LOST
+        if move < CONVERGED_SIGMAS and number > 0:
+            break
+    chance = CHANCE_SIGMAS * np.sqrt(2 / linearised.dof)
+    largest = 1 + LARGEST_EXCESS + chance + MODEL_SHARE**2 * linearised.contrast2
+    if not chi2 < largest or linearised.correlation < SMALLEST_CORRELATION:
+        return Refusal.UNLIKE
+    to_px = local_scale(fit.homography) * half
+    # Residuals larger than the noise are those of the model: then it says less of the centre, too.
+    covariance = max(chi2, 1.0) * to_px @ linearised.covariance[:2, :2] @ to_px.T
+    covariance = (covariance + covariance.T) / 2 + BIAS_FLOOR_PX**2 * np.eye(2)
+    return Localised(centre_of(fit.homography), covariance, linearised.correlation, chi2)
 
 
-def _start(corners_px: Floats, modules: int, size: int) -> Floats:
-    """Homography from template pixels to image pixels that takes the border's corners to where they were found."""
-    px = size / (modules + 2 * MARGIN_MODULES)
-    low, high = MARGIN_MODULES * px - 0.5, (MARGIN_MODULES + modules) * px - 0.5
-    ideal = np.array([[low, low], [high, low], [high, high], [low, high]], dtype=np.float32)
+def _start(corners_px: Floats, half: float) -> Floats:
+    """Homography from modules about the centre to pixels that takes the border's corners to where they were found."""
+    ideal = np.array([[-half, -half], [half, -half], [half, half], [-half, half]], dtype=np.float32)
     return np.asarray(cv2.getPerspectiveTransform(ideal, corners_px.astype(np.float32)), dtype=float)
 
 
-def _crop(
-    capture_dn: NDArray[np.uint16], warp: Floats, size: int, px_per_module: float
-) -> tuple[NDArray[np.float32] | None, int, int]:
-    """The part of the capture that the template covers, as floats, and where it begins; None if it leaves the image."""
-    frame = np.array([[[0, 0], [size - 1, 0], [size - 1, size - 1], [0, size - 1]]], dtype=np.float32)
-    outline = cv2.perspectiveTransform(frame, warp)[0]
-    room = 2 + px_per_module
-    left, top = np.floor(outline.min(axis=0) - room).astype(int)
-    right, bottom = np.ceil(outline.max(axis=0) + room).astype(int) + 1
-    height, width = capture_dn.shape
-    left, top, right, bottom = max(left, 0), max(top, 0), min(right, width), min(bottom, height)
-    if (outline < 0).any() or (outline > (width - 1, height - 1)).any():
-        return None, 0, 0
-    return capture_dn[top:bottom, left:right].astype(np.float32), left, top
+def _inside(homography: Floats, reach: float, shape: tuple[int, ...]) -> bool:
+    """Whether the image of `shape` (height, width) holds the marker up to ±`reach` modules."""
+    ends = np.array([[-reach, -reach], [reach, -reach], [reach, reach], [-reach, reach]])
+    outline = cv2.perspectiveTransform(ends[None], homography)[0]
+    return bool((outline >= 0).all() and (outline <= (shape[1] - 1, shape[0] - 1)).all())
 
 
-def _register(
-    patch: NDArray[np.float32], warp: Floats, dictionary: str, marker_id: int, size: int, coarse_size: int
-) -> tuple[Floats, NDArray[np.float32], float] | None:
-    """Align a coarse template, then a fine one with the blur that fits the image best."""
-    ratio = size / coarse_size
-    to_fine = np.array([[ratio, 0, (ratio - 1) / 2], [0, ratio, (ratio - 1) / 2], [0, 0, 1.0]])
-    template = _template(dictionary, marker_id, coarse_size, COARSE_BLUR_MODULES)
-    found = _align(template, patch, warp @ to_fine, COARSE_ITERATIONS)
-    if found is None:
-        return None
-    warp = found[0] @ np.linalg.inv(to_fine)
-    seen = cv2.warpPerspective(patch, warp, (size, size), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
-    # A template's mean is taken out of it already, so that of the image does not matter.
-    best = int(np.argmax(_normalised(dictionary, marker_id, size) @ seen.ravel()))
-    template = _template(dictionary, marker_id, size, BLURS_MODULES[best])
-    found = _align(template, patch, warp, ITERATIONS)
-    return None if found is None else (found[0], template, found[1])
+def _px_per_module(homography: Floats) -> float:
+    return float(np.sqrt(abs(np.linalg.det(local_scale(homography)))))
 
 
-def _align(
-    template: NDArray[np.float32], patch: NDArray[np.float32], warp: Floats, iterations: int
-) -> tuple[Floats, float] | None:
-    criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, iterations, PRECISION)
-    try:
-        correlation, aligned = cv2.findTransformECC(
-            template, patch, warp.astype(np.float32), cv2.MOTION_HOMOGRAPHY, criteria, None, 1
-        )
-    except cv2.error:  # "did not converge": a result like another, not a mistake
-        return None
-    return np.asarray(aligned, dtype=float), float(correlation)
+def _near(fit: Fit, start: Floats) -> bool:
+    """Whether a fit is finite and its centre near that of the start."""
+    if not np.isfinite(fit.homography).all():
+        return False
+    moved = np.linalg.norm(centre_of(fit.homography) - centre_of(start))
+    return bool(moved < LARGEST_MOVE_MODULES * _px_per_module(start))
 
 
-def _apply(warp: Floats, size: int) -> Floats:
-    """Image pixels (2,) of the template's centre."""
-    x, y, w = warp @ ((size - 1) / 2, (size - 1) / 2, 1.0)
-    return np.array([x / w, y / w])
-
-
-def _covariance(seen: Floats, template: Floats, warp: Floats, sensor: ImageSensor) -> Floats | None:
-    """px², covariance (2, 2) of the centre, by the sandwich of an equally weighted fit under the capture's noise.
-
-    Parameters of the fit: the eight of a homography about the template's centre, of which the first two move the
-    centre, then gain and offset.
-    """
-    size = template.shape[0]
-    flat, image = template.ravel(), seen.ravel()
-    mean, image_mean = flat.mean(), image.mean()
-    gain = float(((flat - mean) @ (image - image_mean)) / ((flat - mean) @ (flat - mean)))
-    if gain <= 0:
-        return None
-    gy, gx = (gain * slope.ravel() for slope in np.gradient(template))
-    moves = _fields(size)
-    design = np.concatenate([moves[:, 0] * gx + moves[:, 1] * gy, [flat, np.ones_like(flat)]])
-    to_image = _local_scale(warp, size)
-    # One template pixel stands for this many image pixels, each with a noise of its own.
-    area = abs(np.linalg.det(to_image))
-    fitted = gain * (flat - mean) + image_mean
-    electrons = np.maximum((fitted - sensor.black_level_dn) * sensor.gain_e_per_dn, 0.0)
-    noise = (electrons + sensor.read_noise_e**2) / sensor.gain_e_per_dn**2 + 1 / 12
-    normal = (design @ design.T).astype(float)
-    try:
-        inverse = np.linalg.inv(normal)
-    except np.linalg.LinAlgError:
-        return None
-    spread = inverse @ ((design * noise) @ design.T).astype(float) @ inverse / area
-    covariance = to_image @ spread[:2, :2] @ to_image.T
-    # Single precision sums leave the two halves different in the seventh digit.
-    return np.asarray((covariance + covariance.T) / 2 + BIAS_FLOOR_PX**2 * np.eye(2))
-
-
-def _local_scale(warp: Floats, size: int) -> Floats:
-    """Image pixels per template pixel at the template's centre: the Jacobian of the homography, (2, 2)."""
-    u, v, w = warp @ ((size - 1) / 2, (size - 1) / 2, 1.0)
-    return np.asarray((warp[:2, :2] - np.outer([u / w, v / w], warp[2, :2])) / w)
+def _pixels(capture_dn: NDArray[np.uint16], fit: Fit, half: float, thinning: int) -> Pixels | None:
+    """The pixels that the blur of the plate's edge leaves to the marker; None if too few."""
+    to_modules = cv2.invert(local_scale(fit.homography))[1]
+    blur_px = DIAMETERS_PER_SIGMA / 2 * np.sqrt(fit.blur_px2) + PIXEL_REACH_PX
+    margin = np.clip(1 - blur_px * np.hypot(*to_modules.T), SMALLEST_MARGIN_MODULES, MARGIN_MODULES)
+    pixels = pixels_on(capture_dn, fit.homography, half + margin, thinning)
+    return pixels if len(pixels.x) >= FEWEST_PIXELS else None
