@@ -7,8 +7,10 @@ import math
 
 import numpy as np
 import pytest
+import scipy.stats
 
 from pss import PTZCamera
+from render import lens
 from tests.views import centroid, disc_scene, point_at, render_part, variance
 
 pytestmark = pytest.mark.render
@@ -20,6 +22,20 @@ DIAMETER = 0.02
 # The disc's own diameter over that of its blur: large enough that many rays hit it, small enough to hardly matter.
 SOURCE_SHARE = 0.3
 RAYS = 2_000_000
+
+# Latin hypercube: each factor has one value in each of its 25 equal steps, in the logarithm but for the angle.
+COMBINATIONS = 25
+LOWEST, HIGHEST = {"zoom": 1.0, "focus_m": 1.0, "depth_m": 0.8}, {"zoom": 8.0, "focus_m": 6.0, "depth_m": 8.0}
+OFF_AXIS_DEG = 40.0
+# A seed whose widest fields also have the largest angles: up to 38.9°.
+LARGE_ANGLES = 4
+# Of the way from the middle of the image to its edge.
+WITHIN_FIELD = 0.95
+# Points of a scrambled Sobol net on film and lens.
+NET = 1 << 20
+# Relative, along each axis. Eq. 14 and a thin lens agree exactly; the 48 000 rays that hit are within 0.3 % (measured
+# over all combinations and both axes; independent ones would leave a σ of 0.23 %).
+DIAMETER_OVER_ALL = 0.01
 
 
 def blur_diameter_px(mi, camera: PTZCamera, point_m: np.ndarray) -> np.ndarray:
@@ -48,6 +64,54 @@ def test_circle_of_confusion_is_equation_14(mi, depth_m, off_axis_px):
     measured = blur_diameter_px(mi, CAMERA, point)
     print(f"{depth_m} m {off_axis_px}: Eq. 14 {expected:.3f} px, rendered {measured[0]:.3f}, {measured[1]:.3f} px")
     np.testing.assert_allclose(measured, expected, rtol=DIAMETER)
+
+
+def settings() -> list[tuple[PTZCamera, np.ndarray]]:
+    """Cameras, each with a point that it sees: zoom, focus, depth, angle off the axis and its direction all vary."""
+    shares = scipy.stats.qmc.LatinHypercube(5, rng=np.random.default_rng(LARGE_ANGLES)).random(COMBINATIONS)
+    found = []
+    for *share, off_axis, turn in shares:
+        zoom, focus_m, depth_m = (
+            LOWEST[name] * (HIGHEST[name] / LOWEST[name]) ** way for name, way in zip(LOWEST, share, strict=True)
+        )
+        camera = dataclasses.replace(CAMERA, zoom=zoom, focus_distance_m=focus_m)
+        way = np.array([math.cos(2 * math.pi * turn), math.sin(2 * math.pi * turn)])
+        to_edge_px = WITHIN_FIELD * min(np.array(camera.resolution) / 2 / np.abs(way))
+        farthest_px = min(to_edge_px, camera.focal_px * math.tan(math.radians(OFF_AXIS_DEG)))
+        pixel = np.array(camera.principal_point_px) + off_axis * farthest_px * way
+        found.append((camera, point_at(camera, pixel, depth_m)))
+    return found
+
+
+def diameter_by_rays_px(mi, camera: PTZCamera, point_m: np.ndarray, net: np.ndarray) -> np.ndarray:
+    """Pixels, the diameter of the circle of confusion along x and y, (2,), from single rays: also far below a pixel.
+
+    Where on the film the rays begin that pass the lens and hit a small disc in the dark.
+    """
+    pixel, _ = camera.project(point_m)
+    expected = float(camera.circle_of_confusion_px(point_m))
+    source = SOURCE_SHARE * expected
+    places = pixel + (net[:, :2] - 0.5) * 1.33 * (expected + source)
+    film = lens.film_position(places) / camera.resolution
+    sensor, scene = lens.load_sensor(camera, mi), disc_scene(mi, camera, point_m, source)
+    ray, _ = sensor.sample_ray(0.0, 0.5, mi.Point2f(*film.T), mi.Point2f(*net[:, 2:].T))
+    hits = scene.ray_intersect(ray).is_valid().numpy()
+    return 4 * np.sqrt(places[hits].var(axis=0) - source**2 / 16)
+
+
+def test_circle_of_confusion_over_zoom_focus_depth_and_angle(mi):
+    """Eq. 14 within 1 % wherever a camera may be set to, from a wide field near by to a narrow one far away."""
+    net = scipy.stats.qmc.Sobol(4, rng=np.random.default_rng(14)).random(NET)
+    ratios = []
+    for camera, point in settings():
+        expected = float(camera.circle_of_confusion_px(point))
+        ratios.append(diameter_by_rays_px(mi, camera, point, net) / expected)
+        print(
+            f"zoom {camera.zoom:.2f}, focus {camera.focus_distance_m:.2f} m, depth {camera.project(point)[1]:.2f} m, "
+            f"{math.degrees(math.acos(camera.cos_off_axis(point))):4.1f}°: Eq. 14 {expected:6.2f} px, "
+            f"by rays {ratios[-1][0] - 1:+.2%}, {ratios[-1][1] - 1:+.2%}"
+        )
+    np.testing.assert_allclose(ratios, 1, atol=DIAMETER_OVER_ALL)
 
 
 def test_half_the_f_number_is_twice_the_blur(mi):
