@@ -32,7 +32,8 @@ def constants(scene: Scene, model: str) -> dict[str, Change]:
 
 def main() -> None:
     """Print a row for each model, constant and direction."""
-    sweeps = [load_sweep(name) for name in known_sweeps()]
+    # A sweep of one factor isolates one constant; how the others move its ranks says nothing of cameras to choose from.
+    sweeps = [sweep for sweep in map(load_sweep, known_sweeps()) if not sweep.varies_scene]
     scenes = [load_scene(sweep.scene_path) for sweep in sweeps]
     print("| model | constant | times | PSS | " + " | ".join(f"ρ {sweep.name}" for sweep in sweeps) + " |")
     print("|---" * (4 + len(sweeps)) + "|")

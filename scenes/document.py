@@ -12,7 +12,7 @@ from typing import Any
 from scenes.errors import Location, Problems, SceneError, dotted, item_label, nearest, shown
 from scenes.spec import Spec, allowed_keys, child_tables, narrowed
 
-__all__ = ["SWEEP_PREFIX", "apply_overrides", "read_toml"]
+__all__ = ["SWEEP_PREFIX", "apply_overrides", "read_toml", "set_value"]
 
 # Overrides whose keys begin so go to the sweep file, all others to the scene file.
 SWEEP_PREFIX = "sweep."
@@ -51,15 +51,19 @@ def apply_overrides(model: type[Spec], overrides: Iterable[str], problems: Probl
         if not equals or not key:
             problems.say(f"override {shown(override)}; allowed: key=value, such as cameras.2.zoom=4")
             continue
-        value = _parsed(text)
-        document = copy.deepcopy(problems.document)
-        try:
-            location = _set(model, document, key.split("."), value)
-        except _NoSuchKey as error:
-            problems.say(f"override {key} = {shown(value)}; {error}")
-        else:
-            problems.document = document
-            problems.overridden.add(location)
+        set_value(model, key, _parsed(text), problems)
+
+
+def set_value(model: type[Spec], key: str, value: object, problems: Problems) -> None:
+    """Set the value at the dotted `key` of the document of `problems`, which is of the kind `model`."""
+    document = copy.deepcopy(problems.document)
+    try:
+        location = _set(model, document, key.split("."), value)
+    except _NoSuchKey as error:
+        problems.say(f"override {key} = {shown(value)}; {error}")
+    else:
+        problems.document = document
+        problems.overridden.add(location)
 
 
 def _parsed(text: str) -> object:

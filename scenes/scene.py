@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from pss.process import ProcessModel
 from render.exposure import AutoExposure
 from render.state import Light, Marker, MarkerPrint, Panel, Room, SceneObject, SceneState
 from scenes.checks import check_scene, shape_of
-from scenes.document import SWEEP_PREFIX, apply_overrides, read_toml
+from scenes.document import SWEEP_PREFIX, apply_overrides, read_toml, set_value
 from scenes.errors import Problems, SceneError, nearest
 from scenes.layout import markers_on, placed_marker
 from scenes.marker_checks import check_markers
@@ -89,6 +89,17 @@ class Scene:
             self, sensor=sensor, noise_models=_noise_models(spec, sensor), _spec=spec, auto_exposure=None
         )
 
+    def with_settings(self, settings: Mapping[str, object]) -> Scene:
+        """The same scene as if its file said these values at these dotted keys ("sensor.exposure_ms": 8.0).
+
+        Raises:
+            SceneError: with every problem, a line each.
+        """
+        problems = Problems(self.path, self.resolved())
+        for key, value in settings.items():
+            set_value(SceneSpec, key, value, problems)
+        return _scene(self.path, problems)
+
     def resolved(self) -> dict[str, Any]:
         """The file's contents with overrides and defaults filled in: plain, JSON-serialisable, a valid scene itself."""
         return self._spec.model_dump(mode="json", by_alias=True, exclude_none=True)
@@ -106,6 +117,11 @@ def load_scene(path: str | Path, overrides: Iterable[str] = ()) -> Scene:
     path = Path(path)
     problems = Problems(path, read_toml(path))
     apply_overrides(SceneSpec, (o for o in overrides if not o.strip().startswith(SWEEP_PREFIX)), problems)
+    return _scene(path, problems)
+
+
+def _scene(path: Path, problems: Problems) -> Scene:
+    """The scene of a document, all of whose problems are raised."""
     start_from_named_sensor(problems)
     spec, draft = validate(SceneSpec, problems.document, problems)
     read_files(draft, path.parent, problems)

@@ -1,4 +1,4 @@
-"""A sweep file: which setting of which cameras, or which selection of cameras, takes which values."""
+"""A sweep file: which setting of cameras, which selection of them, or which part of the scene takes which values."""
 
 from __future__ import annotations
 
@@ -8,15 +8,24 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
-from pss import PTZCamera, RangeError
 from scenes.document import SWEEP_PREFIX, apply_overrides, read_toml
-from scenes.errors import Location, Problems, SceneError, allowed_in, nearest
-from scenes.optics import aperture_allows
-from scenes.spec import Name, Number, Spec, one_of, validate
+from scenes.errors import Location, Problems, SceneError, nearest
+from scenes.scene_steps import SceneStepsSpec, check_steps
+from scenes.spec import Number, Spec, one_of, validate
+from scenes.vary import (
+    Configuration,
+    LineSpec,
+    Names,
+    SelectionSpec,
+    SettingSpec,
+    chosen_names,
+    configurations_of,
+    short,
+)
 
 if TYPE_CHECKING:
     from scenes.scene import Scene
@@ -25,44 +34,6 @@ __all__ = ["Configuration", "SweepFile", "known_sweeps", "load_sweep"]
 
 SWEEPS = Path(__file__).parent / "sweeps"
 """Where the sweeps that go by a bare name are."""
-
-SETTINGS = ("zoom", "focus_distance_m", "pan_deg", "tilt_deg", "f_number")
-
-# Steps of a line differ from the same numbers written as a list by rounding alone; beyond that they must be the same
-# numbers, since a view is stored under the hash of its settings.
-LINE_DIGITS = 12
-
-Names = Annotated[tuple[Name, ...], Field(min_length=1, description="a list of one or more names of cameras")]
-
-
-class LineSpec(Spec):
-    """Evenly spaced values from `start` to `stop`, both included."""
-
-    start: Number
-    stop: Number
-    steps: Annotated[int, Field(strict=True, ge=2)]
-
-
-class SettingSpec(Spec):
-    """[vary] with a setting of some cameras."""
-
-    parameter: Literal[SETTINGS]
-    cameras: Names
-    values: Annotated[
-        Annotated[tuple[Number, ...], Field(min_length=1)] | LineSpec,
-        Field(description="a list of one or more numbers, or { start, stop, steps } with 2 steps or more"),
-    ]
-
-
-class SelectionSpec(Spec):
-    """[vary] with the cameras that take part."""
-
-    parameter: Literal["selection"]
-    always: Annotated[tuple[Name, ...], Field(alias="with", description="a list of names of cameras")] = ()
-    values: Annotated[
-        tuple[Name | Annotated[tuple[Name, ...], Field(min_length=1)], ...],
-        Field(min_length=1, description="a list of one or more names of cameras, or lists of names"),
-    ]
 
 
 class SweepSpec(Spec):
@@ -77,17 +48,7 @@ class SweepSpec(Spec):
         Number, Field(gt=0, le=10, description="a number above 0, at most 10: of the sensor's noise (σ)")
     ] = 0.6
     active: Names | None = Field(None, description="a list of one or more names of cameras")
-    vary: one_of("parameter", SettingSpec, SelectionSpec)
-
-
-@dataclass(frozen=True)
-class Configuration:
-    """One step of a sweep: `label` for tables, the varied `parameter` with its `value`, and the cameras that look."""
-
-    label: str
-    parameter: str
-    value: float | str
-    cameras: tuple[PTZCamera, ...]
+    vary: one_of("parameter", SettingSpec, SelectionSpec, SceneStepsSpec)
 
 
 @dataclass(frozen=True)
@@ -122,11 +83,14 @@ class SweepFile:
         """
         problems = Problems(self.path, self._document)
         _check_names_known(self._spec, scene, problems)
-        vary = self._spec.vary
-        make = _settings if isinstance(vary, SettingSpec) else _selections
-        configurations = make(vary, self._spec.active, scene, problems)
+        configurations = configurations_of(self._spec.vary, self._spec.active, scene, problems)
         problems.raise_if_any()
         return configurations
+
+    @property
+    def varies_scene(self) -> bool:
+        """Whether its steps differ in more than settings and selection of the cameras: a sweep of one factor."""
+        return isinstance(self._spec.vary, SceneStepsSpec)
 
     def resolved(self) -> dict[str, Any]:
         """The file's contents with overrides and defaults filled in: plain, JSON-serialisable, a valid sweep itself."""
@@ -193,18 +157,21 @@ def _check_sweep(draft: SweepSpec, problems: Problems) -> None:
             if isinstance(values, LineSpec) and values.start == values.stop:
                 problems.add(("vary", "values"), "start and stop that differ")
             elif isinstance(values, tuple):
-                _check_once(("vary", "values"), [_short(value) for value in values], problems)
+                _check_once(("vary", "values"), [short(value) for value in values], problems)
             for name in cameras or () if draft.active is not None else ():
                 if name not in draft.active:
                     problems.add(("vary", "cameras"), f"active cameras: {', '.join(draft.active)}", value=name)
         case SelectionSpec(always=always, values=values):
             _check_once(("vary", "with"), always, problems)
-            chosen = [_chosen(always or (), value) for value in values or ()]
+            chosen = [chosen_names(always or (), value) for value in values or ()]
             for names in chosen:
                 _check_once(("vary", "values"), names, problems)
             _check_once(("vary", "values"), ["+".join(sorted(names)) for names in chosen], problems)
             if problems.given(("active",)):
                 problems.add(("active",), "no active where the parameter is selection, as its values say who is")
+        case SceneStepsSpec() as steps:
+            check_steps(steps, problems)
+            _check_once(("vary", "values"), [short(value) for value in steps.values or ()], problems)
 
 
 def _check_once(location: Location, items: Iterable[str] | None, problems: Problems) -> None:
@@ -220,68 +187,11 @@ def _check_names_known(spec: SweepSpec, scene: Scene, problems: Problems) -> Non
         case SettingSpec(cameras=cameras):
             asked.append((("vary", "cameras"), cameras))
         case SelectionSpec(always=always, values=values):
-            asked += [(("vary", "with"), always)] + [(("vary", "values"), _chosen((), value)) for value in values]
+            asked += [(("vary", "with"), always)] + [(("vary", "values"), chosen_names((), value)) for value in values]
+        case SceneStepsSpec(active=active):
+            asked += [(("vary", "active"), names) for names in active or ()]
     for location, names in asked:
         for name in names:
             if name not in have:
                 hint, _ = nearest(name, have)
                 problems.add(location, f"{', '.join(have)} (the cameras of {scene.path}){hint}", value=name)
-
-
-# ---- configurations ------------------------------------------------------------------------------------------------
-
-
-def _settings(
-    vary: SettingSpec, active: tuple[str, ...] | None, scene: Scene, problems: Problems
-) -> list[Configuration]:
-    found = []
-    for value in _values(vary.values):
-        cameras = []
-        refused: dict[str, list[str]] = {}
-        for camera in scene.cameras:
-            if active is not None and camera.name not in active:
-                continue
-            try:
-                varied = camera.name in vary.cameras
-                cameras.append(dataclasses.replace(camera, **{vary.parameter: value}) if varied else camera)
-                if varied and vary.parameter == "f_number" and value < scene.widest_f_number:
-                    refused.setdefault(aperture_allows(scene.widest_f_number), []).append(camera.name)
-            except RangeError as error:
-                refused.setdefault(_culprit(error, vary.parameter), []).append(camera.name)
-        for allowed, names in refused.items():
-            who = f"camera {names[0]}" if len(names) == 1 else f"cameras {', '.join(names)}"
-            problems.add(("vary", "values"), f"{allowed} ({vary.parameter} of {who})", value=value)
-        found.append(Configuration(f"{vary.parameter}={_short(value)}", vary.parameter, value, tuple(cameras)))
-    return found
-
-
-def _culprit(error: RangeError, parameter: str) -> str:
-    """What is allowed; with the name of the setting that is not, if it is not the varied one (zoom moves the focus)."""
-    name = str(error).partition(" = ")[0]
-    return allowed_in(error) if name == parameter else f"values that leave {name} {allowed_in(error)}"
-
-
-def _selections(vary: SelectionSpec, _active: None, scene: Scene, _problems: Problems) -> list[Configuration]:
-    found = []
-    for value in vary.values:
-        chosen = _chosen(vary.always, value)
-        cameras = tuple(camera for camera in scene.cameras if camera.name in chosen)
-        label = "+".join(camera.name for camera in cameras)
-        found.append(Configuration(label, vary.parameter, label, cameras))
-    return found
-
-
-def _chosen(always: tuple[str, ...], value: str | tuple[str, ...]) -> tuple[str, ...]:
-    return (*always, value) if isinstance(value, str) else (*always, *value)
-
-
-def _values(values: tuple[float, ...] | LineSpec) -> list[float]:
-    if not isinstance(values, LineSpec):
-        return [float(value) for value in values]
-    step = (values.stop - values.start) / (values.steps - 1)
-    line = [values.start + step * number for number in range(values.steps)]
-    return [float(f"{value:.{LINE_DIGITS}g}") for value in line]
-
-
-def _short(value: float) -> str:
-    return f"{value:g}"

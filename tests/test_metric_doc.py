@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import pss
-from scenes import known_sweeps
+from scenes import known_sweeps, load_sweep
 
 PAGE = (Path(__file__).parents[1] / "docs" / "metric.md").read_text(encoding="utf-8")
 # Relative; a few roundings.
@@ -64,9 +64,9 @@ def _walk(place, name):
 
 
 def test_the_sensitivity_table_has_all_shipped_sweeps():
-    """A sweep that is added changes what the command prints: the page's table is then an old one."""
+    """A sweep of cameras that is added changes what the command prints: the page's table is then an old one."""
     header = next(line for line in PAGE.splitlines() if line.startswith("| model | constant |"))
-    assert re.findall(r"ρ ([\w-]+)", header) == list(known_sweeps())
+    assert re.findall(r"ρ ([\w-]+)", header) == [name for name in known_sweeps() if not load_sweep(name).varies_scene]
 
 
 @pytest.mark.parametrize("model", ["as-printed", "corrected"])

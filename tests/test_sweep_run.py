@@ -141,6 +141,23 @@ parameter = "selection"
 values = ["west", "middle"]
 """
 
+FACTOR = """
+scene = "closet.toml"
+title = "Exposure, and a darker board"
+trials = 4
+seed = 3
+active = ["west", "east"]
+
+[vary]
+parameter = "scene"
+axis = "exposure_ms"
+values = [0.5, 2.0]
+
+[vary.set]
+"sensor.exposure_ms" = [0.5, 2.0]
+"objects.board.albedo" = [0.3, 0.5]
+"""
+
 # Columns that outside programs rely on.
 CONFIGURATION_COLUMNS = [
     "sweep",
@@ -219,7 +236,21 @@ CORRELATION_COLUMNS = [
     "pearson_log",
     "regret",
 ]
-DETERMINED = ("configurations.csv", "points.csv", "views.csv", "correlation.csv", "detection.csv", "claims.csv")
+SLOPE_COLUMNS = [
+    "sweep",
+    "parameter",
+    "noise_model",
+    "steps",
+    "points",
+    "predicted_slope",
+    "measured_slope",
+    "measured_slope_ci_low",
+    "measured_slope_ci_high",
+]
+DETERMINED = (
+    *("configurations.csv", "points.csv", "views.csv", "correlation.csv", "detection.csv", "claims.csv"),
+    "slopes.csv",
+)
 
 
 def command(folder, *arguments):
@@ -269,6 +300,11 @@ def test_every_file_has_its_columns(closet):
     assert set(VIEW_COLUMNS) <= set(rows(closet / "first" / "views.csv")[0])
     assert set(CORRELATION_COLUMNS) <= set(rows(closet / "first" / "correlation.csv")[0])
     assert {"view", "render_seconds", "detect_seconds"} <= set(rows(closet / "first" / "timings.csv")[0])
+    # Of sweeps over numbers: a selection has no slope.
+    slopes = rows(closet / "first" / "slopes.csv")
+    assert [row["sweep"] for row in slopes] == ["zooming"] * 2
+    assert set(SLOPE_COLUMNS) <= set(slopes[0])
+    assert float(slopes[0]["measured_slope_ci_low"]) < float(slopes[0]["measured_slope_ci_high"])
     record = json.loads((closet / "first" / "run.json").read_text())
     assert {"scenes", "sweeps", "seeds", "versions", "seconds"} <= set(record)
 
@@ -304,6 +340,26 @@ def test_a_view_without_markers_is_a_result_not_an_error(closet):
     away = next(v for v in rows(closet / "first" / "views.csv") if v["camera"] == "away")
     assert float(away["markers_detected"]) == 0
     assert "no marker found in the view of camera away" in (closet / "first.log").read_text()
+
+
+def test_a_sweep_of_the_scene_predicts_each_step_by_its_own_sensor_and_light(closet):
+    """Views of another exposure are other views; by the physical model the error falls with it, by the paper's not."""
+    (closet / "factor.toml").write_text(FACTOR)
+    result = run(closet, "factor.toml", "--out", "factor", "--set", 'noise.models=["corrected", "physical"]')
+    assert result.returncode == 0, result.stdout + result.stderr
+    slopes = {row["noise_model"]: row for row in rows(closet / "factor" / "slopes.csv")}
+    assert slopes["corrected"]["parameter"] == "exposure_ms"
+    assert float(slopes["corrected"]["predicted_slope"]) == pytest.approx(0, abs=1e-9)
+    # Between light that is limited by photons and by the sensor.
+    assert -1 < float(slopes["physical"]["predicted_slope"]) < -0.45
+    assert float(slopes["physical"]["measured_slope"]) < 0
+    views = rows(closet / "factor" / "views.csv")
+    assert len(views) == 4
+    shared = {row["view"] for row in views} & {row["view"] for row in rows(closet / "first" / "views.csv")}
+    assert len(shared) == 2  # those of the step that is the closet as it is
+    assert "Log-log slopes" in result.stdout
+    assert "The paper's claims" not in result.stdout
+    assert (closet / "factor" / "figures" / "factor.png").exists()
 
 
 def test_figures_are_there(closet):

@@ -35,7 +35,12 @@ class Curve:
 
 
 def claim_rows(result: SweepResult) -> list[Row]:
-    """A row for each claim and each side: the prediction by each noise model, and the measurement."""
+    """A row for each claim and each side: the prediction by each noise model, and the measurement.
+
+    None for a sweep that varies the scene: the claims are about settings and selections of cameras.
+    """
+    if result.plan.sweep.varies_scene:
+        return []
     return [
         {"sweep": result.plan.sweep.name, **row}
         for row in (_angle_rows(result) if _is_pairs(result) else _hump_rows(result))

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from validate.contact_sheet import contact_sheet
 from validate.illustration import draw_configuration, shared_colours
 from validate.intervals import interval
+from validate.slopes import Slopes, slopes_of
 from validate.store import Store, atomic_path
 from validate.sweep import SweepResult
 
@@ -39,6 +40,11 @@ AXIS_NAMES = {
     "tilt_deg": "tilt in degrees",
     "f_number": "f-number",
     "selection": "cameras",
+    "distance_m": "distance in m",
+    "cos_incidence": "cosine of the angle of incidence",
+    "exposure_ms": "exposure in ms",
+    "width_px": "pixels across the sensor",
+    "cameras": "number of cameras",
 }
 DPI = 130
 SUFFIXES = ("", "_points", "_captures")
@@ -100,7 +106,11 @@ def sweep_figure(result: SweepResult) -> Figure:
     bar.ax.yaxis.set_minor_formatter("{x:g}")
     bar.set_label(f"predicted √λmax of C in mm ({result.noise_models[-1]}); grey: unobservable")
     _curves(figure.add_subplot(grid[1, 0]), result, single_frame=True)
-    _curves(figure.add_subplot(grid[1, 1]), result, single_frame=False)
+    found = slopes_of(result) if result.plan.sweep.varies_scene else None
+    if found is not None and found.points:
+        _slopes(figure.add_subplot(grid[1, 1]), result, found)
+    else:
+        _curves(figure.add_subplot(grid[1, 1]), result, single_frame=False)
     return figure
 
 
@@ -126,6 +136,26 @@ def _curves(axes: Axes, result: SweepResult, single_frame: bool) -> None:
         axes.set_xticks(x, labels)
     axes.set_ylim(bottom=0)
     axes.grid(alpha=0.3)
+    axes.legend(fontsize=8)
+
+
+def _slopes(axes: Axes, result: SweepResult, found: Slopes) -> None:
+    """RMS over the steps of a sweep of one factor, each curve relative to its first step, with its slope."""
+    x = np.array([float(c.value) for c in result.configurations])
+    said = f"measured: slope {found.measured:+.2f} [{found.low:+.2f}, {found.high:+.2f}]"
+    axes.plot(x, found.measured_rms_m / found.measured_rms_m[0], "o-", color=MEASURED, ms=4, lw=1.5, label=said)
+    for number, (model, rms) in enumerate(found.predicted_rms_m.items()):
+        colour, said = MODEL_COLOURS[number % len(MODEL_COLOURS)], f"{model}: {found.predicted[model]:+.2f}"
+        axes.plot(x, rms / rms[0], "s--", color=colour, ms=4, lw=1.5, label=said)
+    axes.set(xscale="log", yscale="log", ylabel="RMS relative to the first step")
+    axes.set_xlabel(AXIS_NAMES.get(result.configurations[0].parameter, result.configurations[0].parameter))
+    axes.set_title(f"single-frame RMS, {found.points} points common to all steps", fontsize=11)
+    axes.set_xticks(x, [f"{value:g}" for value in x])
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_minor_formatter(NullFormatter())
+    axes.yaxis.set_major_locator(LogLocator(subs=(1, 1.5, 2, 3, 5, 7)))
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.grid(alpha=0.3, which="both", lw=0.4)
     axes.legend(fontsize=8)
 
 

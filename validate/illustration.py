@@ -14,6 +14,7 @@ from pss import PTZCamera, Rectangle, Sphere
 from pss.surrogates import Mesh
 from render.geometry import plate_corners
 from render.state import Room
+from scenes import Scene
 from validate.sweep import SweepResult
 
 __all__ = ["draw_configuration", "shared_colours"]
@@ -42,12 +43,13 @@ def draw_configuration(axes: Axes3D, result: SweepResult, step: int, norm: LogNo
     """Draw one step of a sweep."""
     import matplotlib
 
-    scene, configuration = result.plan.scene, result.configurations[step]
+    configuration = result.configurations[step]
+    scene = configuration.scene
     room = scene.state.room
     sigma = _sigma_mm(result, step)
     colours = matplotlib.colormaps["viridis_r"](norm(np.nan_to_num(sigma, nan=norm.vmax)))
     colours[~np.isfinite(sigma)] = (0.72, 0.72, 0.72, 1)
-    _objects(axes, result)
+    _objects(axes, scene)
     plates = [plate_corners(marker, PLATE_MODULES) for marker in scene.state.markers]
     axes.add_collection3d(Poly3DCollection(plates, facecolors=colours, edgecolors="0.3", linewidths=0.3))
     active = {camera.name for camera in configuration.cameras}
@@ -74,8 +76,8 @@ def _differs(result: SweepResult, name: str, first: dict[str, PTZCamera]) -> boo
     return name not in first or first[name] != last.get(name)
 
 
-def _objects(axes: Axes3D, result: SweepResult) -> None:
-    for item in result.plan.scene.state.objects:
+def _objects(axes: Axes3D, scene: Scene) -> None:
+    for item in scene.state.objects:
         shape = item.shape
         if isinstance(shape, Rectangle):
             right, up = shape.right * shape.width_m / 2, shape.up * shape.height_m / 2

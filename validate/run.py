@@ -18,7 +18,7 @@ from pss import RangeError
 from render import backend
 from render.sampling import Sampling
 from scenes import Scene, SceneError, SweepFile, known_sweeps, load_scene, load_sweep
-from validate import claims, compare, figures, summary, tables
+from validate import claims, compare, figures, slopes, summary, tables
 from validate.acquire import Acquired, Acquisition, acquire
 from validate.expose import with_exposures
 from validate.progress import EXPECTED_SECONDS, ViewProgress, clock
@@ -75,6 +75,10 @@ def execute(options: Options, console: Console, errors: Console) -> int:
         plan(sweep, scene, chosen.identity, Sampling(noise_ratio=sweep.render_noise_ratio)) for sweep, scene in exposed
     ]
     wanted = [item for each in plans for views in each.views for item in views]
+    of_files = {warning for _, scene in loaded for warning in scene.warnings}
+    of_steps = (warning for each in plans for step in each.configurations for warning in step.scene.warnings)
+    for warning in dict.fromkeys(warning for warning in of_steps if warning not in of_files):
+        errors.print(warning, markup=False, soft_wrap=True)
     if options.dry_run:
         _announce(plans, wanted, store, console)
         return 0
@@ -176,6 +180,7 @@ def _write(
     tables.write_csv(folder / "detection.csv", tables.detection_rows(whole))
     tables.write_csv(folder / "correlation.csv", [r for result in whole for r in compare.correlation_rows(result)])
     tables.write_csv(folder / "claims.csv", [r for result in whole for r in claims.claim_rows(result)])
+    tables.write_csv(folder / "slopes.csv", [r for result in whole for r in slopes.slope_rows(result)])
     views = folder / "views"
     views.mkdir(parents=True, exist_ok=True)
     for key in {item.request.key for item in wanted} - set(acquired.failed):

@@ -12,6 +12,7 @@ from validate.acquire import Acquired
 from validate.claims import claim_rows
 from validate.compare import Correlation, headline
 from validate.intervals import oracle_regret
+from validate.slopes import slope_rows
 from validate.sweep import SweepResult
 from validate.tables import detection_rows
 
@@ -23,7 +24,11 @@ def show(results: Sequence[SweepResult], acquired: Acquired, console: Console) -
     whole = [result for result in results if result.assessments]
     if whole:
         console.print(_correlation_table(whole))
-        console.print(_claims_table(whole))
+        of_factors = [result for result in whole if result.plan.sweep.varies_scene]
+        if len(of_factors) < len(whole):
+            console.print(_claims_table(whole))
+        if of_factors:
+            console.print(_slopes_table(of_factors))
         console.print(_detection_table(whole))
     for result in results:
         _remarks(result, acquired, console)
@@ -72,6 +77,23 @@ def _claims_table(results: Sequence[SweepResult]) -> Table:
             if not np.isnan(row["ci_low"]):
                 value += f" [{row['ci_low']:.3g}, {row['ci_high']:.3g}]"
             table.add_row(row["sweep"], row["claim"], side, row["holds"], row["figure"], value)
+        table.add_section()
+    return table
+
+
+def _slopes_table(results: Sequence[SweepResult]) -> Table:
+    """Of sweeps of one factor: those of cameras' settings have an optimum, and no slope worth printing."""
+    table = Table(title="Log-log slopes of the single-frame RMS over the steps, on the points common to all")
+    for name in ("sweep", "over", "points", "noise model"):
+        table.add_column(name)
+    for name in ("predicted", "measured [95 %]"):
+        table.add_column(name, justify="right")
+    for result in results:
+        for row in slope_rows(result):
+            measured = f"{row['measured_slope']:+.2f}"
+            measured += f" [{row['measured_slope_ci_low']:+.2f}, {row['measured_slope_ci_high']:+.2f}]"
+            words = (row["sweep"], row["parameter"], row["points"], row["noise_model"])
+            table.add_row(*(str(word) for word in words), f"{row['predicted_slope']:+.2f}", measured)
         table.add_section()
     return table
 

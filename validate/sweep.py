@@ -85,7 +85,11 @@ def plan(sweep: SweepFile, scene: Scene, renderer: str, sampling: Sampling) -> P
     configurations = tuple(sweep.configurations(scene))
     views = tuple(
         tuple(
-            Acquisition(ViewRequest(scene.state, camera, scene.sensor, sampling, renderer), sweep.seed, sweep.trials)
+            Acquisition(
+                ViewRequest(configuration.scene.state, camera, configuration.scene.sensor, sampling, renderer),
+                sweep.seed,
+                sweep.trials,
+            )
             for camera in configuration.cameras
         )
         for configuration in configurations
@@ -96,7 +100,6 @@ def plan(sweep: SweepFile, scene: Scene, renderer: str, sampling: Sampling) -> P
 def assess_sweep(plan: Plan, acquired: Acquired) -> SweepResult:
     """Predict and measure every configuration whose views exist."""
     kept, assessments, views, skipped = [], [], [], []
-    appearance = acquired.appearances.get(state_key(plan.scene.state))
     for configuration, wanted in zip(plan.configurations, plan.views, strict=True):
         failed = [acquired.failed[w.request.key] for w in wanted if w.request.key in acquired.failed]
         if failed:
@@ -106,9 +109,10 @@ def assess_sweep(plan: Plan, acquired: Acquired) -> SweepResult:
         # The filter's random numbers belong to the configuration, whatever sweep or order it is met in.
         keys = "+".join(w.request.key for w in wanted)
         rng = random_stream(plan.sweep.seed, keys, "filter")
+        appearance = acquired.appearances.get(state_key(configuration.scene.state))
         kept.append(configuration)
         views.append(wanted)
-        assessments.append(assess(plan.scene, configuration.cameras, measurements, rng, appearance))
+        assessments.append(assess(configuration.scene, configuration.cameras, measurements, rng, appearance))
     return SweepResult(
         plan,
         tuple(kept),

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.view import Certificate
+from scenes import Configuration
 from validate.acquire import Acquired, Acquisition
 from validate.assess import Assessment, Measured
 from validate.intervals import interval
@@ -115,12 +116,12 @@ def point_rows(result: SweepResult) -> list[Row]:
     rows: list[Row] = []
     for model in result.noise_models:
         for configuration, assessment in zip(result.configurations, result.assessments, strict=True):
-            for point in _points(result, assessment, model):
+            for point in _points(configuration, assessment, model):
                 rows.append({"sweep": result.plan.sweep.name, "configuration": configuration.label, **point})
     return rows
 
 
-def _points(result: SweepResult, assessment: Assessment, model: str) -> Iterable[Row]:
+def _points(configuration: Configuration, assessment: Assessment, model: str) -> Iterable[Row]:
     predicted, measured = assessment.predicted[model], assessment.measured
     errors = measured.errors
     columns = {
@@ -139,7 +140,7 @@ def _points(result: SweepResult, assessment: Assessment, model: str) -> Iterable
         "nees": errors.nees(predicted.single_frame_covariance),
         "nees_detections": _own_nees(measured),
     }
-    for number, marker in enumerate(result.plan.scene.state.markers):
+    for number, marker in enumerate(configuration.scene.state.markers):
         x, y, z = marker.centre_m
         yield {
             "noise_model": model,
