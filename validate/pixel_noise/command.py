@@ -1,0 +1,51 @@
+"""`run_sweep.py pixel-noise`: measure what the pixel noise table needs, and write its files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+__all__ = ["main", "run"]
+
+
+def run(
+    out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("results/pixel-noise"),
+    store: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("results/store"),
+    seed: Annotated[int, tyro.conf.arg(metavar="N")] = 0,
+    trials: Annotated[int | None, tyro.conf.arg(metavar="N")] = None,
+    quick: bool = False,
+) -> int:
+    """Measure bias and σ of a marker's centre against blur, size, incidence and signal; see docs/pixel-noise.md.
+
+    Args:
+        out: folder for the results.
+        store: folder of measurements, shared by all runs.
+        seed: of poses, combinations and noise.
+        trials: noisy captures of each render (default: 20; with --quick 6).
+        quick: few levels and poses, to see that all works.
+    """
+    import sys
+
+    from rich.console import Console
+
+    from pss import RangeError
+    from validate.pixel_noise.report import make
+    from validate.store import StoreError
+
+    if trials is not None and trials < 2:
+        raise RangeError(f"--trials {trials}; allowed: 2 or more (a spread needs two)")
+    if seed < 0:
+        raise RangeError(f"--seed {seed}; allowed: 0 or more")
+    for flag, folder in (("--out", out), ("--store", store)):
+        if folder.exists() and not folder.is_dir():
+            raise StoreError(f"{flag} {folder} is a file; allowed is a folder")
+    wide = None if sys.stdout.isatty() else 140
+    make(out, store, seed, trials, quick, Console(width=wide), Console(stderr=True))
+    return 0
+
+
+def main(arguments: list[str]) -> int:
+    """Parse the subcommand's own arguments and run it."""
+    return tyro.cli(run, prog="run_sweep.py pixel-noise", args=arguments)

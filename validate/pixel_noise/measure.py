@@ -1,0 +1,175 @@
+"""Render each setup once, take noisy captures of it, and find the marker in each; what is stored is not done again.
+
+One process renders (Mitsuba's own threads use all cores); others measure what is rendered meanwhile.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pss import ImageSensor
+from render import backend
+from render.sensor import FixedPattern, capture, expected_electrons, fixed_pattern
+from render.view import Renderer, random_stream
+from validate.measure import DETECTOR, WorkerPool, measure_capture
+from validate.pixel_noise.design import Plan, Shot
+from validate.pixel_noise.laboratory import DICTIONARY, Setup
+from validate.progress import ViewProgress
+from validate.store import Store
+
+__all__ = ["Measured", "measure_all"]
+
+Floats = NDArray[np.float64]
+Arrays = dict[str, NDArray[np.generic]]
+
+# Rendered views that wait to be measured; more would only fill memory.
+MOST_WAITING = 8
+# Named in the store's hash: raised whenever this file changes what is stored.
+VERSION = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """What was found in the captures of one shot.
+
+    Attributes:
+        residuals_px: px, (T, 2), found minus true centre; nan where the marker was not found or not localised.
+        claimed_px2: px², (T, 2, 2), the covariance that each detection states for itself; nan likewise.
+        physical_px2: px², (2, 2), the prediction of the `physical` noise model.
+        bound_px2: px², (2, 2), the Cramér–Rao bound.
+        strangers: detections of other markers, over all captures.
+        render_noise_ratio: sampling noise over sensor noise (RMS over edge pixels) at the exposure of the render.
+    """
+
+    shot: Shot
+    residuals_px: Floats
+    claimed_px2: Floats
+    physical_px2: Floats
+    bound_px2: Floats
+    strangers: int
+    render_noise_ratio: float
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a worker needs besides the image; it gets no truth."""
+
+    sensor: ImageSensor
+    marker_id: int
+    seed: int
+    key: str
+    trials: int
+
+
+def find_centres(task: Task, electrons: NDArray[np.float32], pattern: FixedPattern) -> Arrays:
+    """Centres and covariances found in captures of mean photoelectrons (height, width)."""
+    name = f"pixel noise {task.sensor.exposure_ms!r}"
+    trials = []
+    for trial in range(task.trials):
+        numbers = capture(electrons, task.sensor, random_stream(task.seed, task.key, name, trial), pattern)
+        trials.append(measure_capture(numbers, DICTIONARY, (task.marker_id,), task.sensor))
+    pixels, covariances, strangers = zip(*trials, strict=True)
+    return {
+        "pixels": np.array(pixels)[:, 0],
+        "covariance": np.array(covariances)[:, 0],
+        "strangers": np.array(sum(strangers)),
+    }
+
+
+def find_and_bound(task: Task, electrons: NDArray[np.float32], pattern: FixedPattern, setup: Setup) -> Arrays:
+    """What is found in the captures, and what the setup says could be."""
+    return find_centres(task, electrons, pattern) | {"bound": setup.bound_px2()}
+
+
+def measure_all(
+    plan: Plan, store: Store, chosen: backend.Backend, seed: int, progress_for: Callable[[int], ViewProgress]
+) -> list[Measured]:
+    """Measure every shot of a plan, in its order. Ctrl-C stops it; what is stored is found by the next run."""
+    keys = [shot.request(chosen.identity).key for shot in plan.shots]
+    paths = [_path(store, key, shot, seed, plan.trials) for key, shot in zip(keys, plan.shots, strict=True)]
+    # The centre point belongs to several series.
+    missing = {path: number for number, path in enumerate(paths) if not path.exists()}
+    with progress_for(len(missing)) as progress:
+        if missing:
+            pool = WorkerPool(max(1, os.cpu_count() or 1))
+            try:
+                _make(plan, store, chosen, seed, keys, missing, pool, progress)
+            except BaseException:
+                pool.stop()
+                raise
+            pool.shutdown()
+    return [_load(shot, store, path) for shot, path in zip(plan.shots, paths, strict=True)]
+
+
+def _path(store: Store, key: str, shot: Shot, seed: int, trials: int) -> Path:
+    detector = f"{DETECTOR}/pixel-noise-{VERSION}/{shot.setup.sensor.exposure_ms!r}"
+    return store.measurement(key, detector, seed, trials)
+
+
+def _load(shot: Shot, store: Store, path: Path) -> Measured:
+    arrays = store.load(path)
+    assert arrays is not None
+    return Measured(
+        shot,
+        arrays["pixels"].astype(float) - shot.setup.truth_px,
+        arrays["covariance"].astype(float),
+        shot.setup.physical_px2(),
+        arrays["bound"].astype(float),
+        int(arrays["strangers"]),
+        float(arrays["render_noise_ratio"]),
+    )
+
+
+def _make(
+    plan: Plan,
+    store: Store,
+    chosen: backend.Backend,
+    seed: int,
+    keys: Sequence[str],
+    missing: dict[Path, int],
+    pool: WorkerPool,
+    progress: ViewProgress,
+) -> None:
+    by_view: dict[str, list[tuple[Path, int]]] = {}
+    for path, number in missing.items():
+        by_view.setdefault(keys[number], []).append((path, number))
+    waiting: dict[Future[Arrays], tuple[Path, float]] = {}
+    for key, wanted in by_view.items():
+        view = _view(plan.shots[wanted[0][1]], key, store, chosen)
+        for path, number in wanted:
+            setup = plan.shots[number].setup
+            electrons = np.asarray(expected_electrons(view["radiance"], setup.camera, setup.sensor), dtype=np.float32)
+            pattern = fixed_pattern(setup.camera, setup.sensor)
+            task = Task(setup.sensor, setup.pose.marker_id, seed, key, plan.trials)
+            future = pool.submit(find_and_bound, task, electrons, pattern, setup)
+            waiting[future] = path, float(view["render_noise_ratio"])
+        while len(waiting) > MOST_WAITING:
+            _collect(waiting, store, progress)
+    while waiting:
+        _collect(waiting, store, progress)
+
+
+def _view(shot: Shot, key: str, store: Store, chosen: backend.Backend) -> Arrays:
+    """Radiance of a view and its sampling noise over the sensor's, from the store or rendered now."""
+    path = store.folder / "pixel-noise" / key[:2] / f"{key}.npz"
+    arrays = store.load(path)
+    if arrays is None:
+        view = Renderer(shot.setup.state, shot.setup.baked(), chosen).render(shot.request(chosen.identity))
+        arrays = {"radiance": view.radiance, "render_noise_ratio": np.array(view.certificate.edge_rms)}
+        store.save(path, arrays)
+    return arrays
+
+
+def _collect(waiting: dict[Future[Arrays], tuple[Path, float]], store: Store, progress: ViewProgress) -> None:
+    done, _ = wait(waiting, return_when=FIRST_COMPLETED)
+    for future in done:
+        path, noise = waiting.pop(future)
+        store.save(path, future.result() | {"render_noise_ratio": np.array(noise)})
+        progress.advance("measured")

@@ -1,0 +1,90 @@
+"""One run of the pixel noise table: from the plan to the folder it leaves, and what is printed."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import json
+import math
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from render import backend
+from validate.pixel_noise.design import make_plan
+from validate.pixel_noise.exponents import PowerLaw
+from validate.pixel_noise.figure import draw
+from validate.pixel_noise.measure import measure_all
+from validate.pixel_noise.rows import JOINT, exponent_rows, joint_law, level_rows, render_rows
+from validate.progress import ViewProgress, clock
+from validate.store import Store, write_text
+from validate.tables import write_csv
+
+__all__ = ["make"]
+
+PACKAGES = ("mitsuba", "drjit", "opencv-contrib-python-headless", "numpy", "scipy")
+
+
+def make(out: Path, store: Path, seed: int, trials: int | None, quick: bool, console: Console, errors: Console) -> None:
+    """Measure; write the three tables, `run.json` and the figure; print the exponents."""
+    begin = time.perf_counter()
+    chosen = backend.choose()
+    console.print(str(chosen), markup=False)
+    plan = make_plan(seed, trials, quick)
+    measured = measure_all(plan, Store(store), chosen, seed, lambda total: ViewProgress(total, errors))
+    law = joint_law(measured, seed=seed)
+    levels, exponents = level_rows(measured), exponent_rows(measured, law)
+    write_csv(out / "pixel_noise.csv", levels)
+    write_csv(out / "renders.csv", render_rows(measured))
+    write_csv(out / "exponents.csv", exponents)
+    draw(out / "figures" / "pixel-noise.png", levels, exponents)
+    seconds = time.perf_counter() - begin
+    said = {
+        "seed": seed,
+        "trials": plan.trials,
+        "quick": quick,
+        "renderer": chosen.identity,
+        "versions": {name: importlib.metadata.version(name) for name in PACKAGES},
+        "power_law": _law(law),
+        "seconds": seconds,
+    }
+    write_text(out / "run.json", json.dumps(said, indent=2, ensure_ascii=False) + "\n")
+    console.print(exponent_table(exponents))
+    console.print(_law(law), markup=False, soft_wrap=True)
+    console.print(
+        f"{len(levels)} levels and {law.renders} combinations, {len(plan.shots)} × {plan.trials} captures, "
+        f"in {clock(seconds)}; results in {out}",
+        markup=False,
+    )
+
+
+def _law(law: PowerLaw) -> str:
+    terms = " · ".join(f"{name}^{e.value:+.2f}" for name, e in zip(JOINT, law.exponents, strict=True))
+    return f"combinations: σ ≈ {law.constant_px:.3g} px · {terms}; {law.renders} renders scatter by × {law.scatter:.2f}"
+
+
+def exponent_table(rows: Sequence[dict[str, object]]) -> Table:
+    """The exponents of σ, with what is predicted of them."""
+    table = Table(title="σ of a marker's centre ∝ factor to the power of … (95 % interval)")
+    for name in ("set", "factor", "range", "renders", "measured", "bound", "physical", "paper's R alone"):
+        table.add_column(name, justify="right" if name in ("renders", "measured", "bound", "physical") else "left")
+    for row in rows:
+        low, high = row["exponent_low"], row["exponent_high"]
+        table.add_row(
+            str(row["set"]),
+            str(row["factor"]),
+            f"{row['from']:.3g} … {row['to']:.3g}",
+            str(row["renders"]),
+            f"{_signed(row['exponent'])}  [{_signed(low)}, {_signed(high)}]",
+            _signed(row["bound_exponent"]),
+            _signed(row["physical_exponent"]),
+            f"{_signed(row['paper_exponent'])} ({row['paper']})" if row["paper"] else "",
+        )
+    return table
+
+
+def _signed(value: object) -> str:
+    assert isinstance(value, float)
+    return "–" if math.isnan(value) else f"{value:+.2f}".replace("-", "−")
