@@ -21,6 +21,9 @@ __all__ = ["LEVELS", "Consistency", "anisotropy", "crossed_mean", "of_errors", "
 Floats = NDArray[np.float64]
 
 LEVELS = (0.5, 0.9, 0.95)
+# Resamples of ranks over all cells, of which there are tens of thousands: enough for the ends of an interval within 10 %
+# of its length, in a quarter of the time.
+POOLED = 50
 # Trials from which a point's own moment is compared with a covariance.
 FEWEST_TRIALS = 5
 
@@ -93,16 +96,16 @@ def crossed_mean(values: Floats, resamples: Resamples) -> Judged:
 
 
 def pooled_spearman(predicted: Floats, measured: Floats, resamples: Resamples) -> Judged:
-    """ρ over all cells (K, N) that have both, pooled."""
+    """ρ over all cells (K, N) that have both, pooled; its interval from the first `POOLED` resamples."""
     known = np.isfinite(predicted) & np.isfinite(measured)
     if known.sum() < 3:
-        return Judged(float("nan"), np.full(len(resamples.views), np.nan))
+        return Judged(float("nan"), np.full(POOLED, np.nan))
     row, column = np.nonzero(known)
     x, y = predicted[known], measured[known]
     samples = np.array(
         [
             float(weighted_spearman(x, y, views[row] * points[column]))
-            for views, points in zip(resamples.views, resamples.points, strict=True)
+            for views, points in zip(resamples.views[:POOLED], resamples.points[:POOLED], strict=True)
         ]
     )
     return Judged(float(weighted_spearman(x, y)), samples)

@@ -195,8 +195,10 @@ def pixel_rows(bank: ViewBank, data: BankData, acquired: Acquired, models: Seque
             model.of_views(views).matrix(len(bank.cameras), len(state.points_m)), (*trials.shape, 2, 2)
         )
         rows.append(_pixel_row(model.name, residuals, covariance, trials, chance))
-    own = np.where(np.isfinite(residuals[..., :1, None]), data.covariance, np.nan)
-    rows.append(_pixel_row("detection's own", residuals, np.nanmean(own, axis=1), trials, chance))
+    seen = np.isfinite(residuals[..., :1, None])
+    total = np.where(seen, data.covariance, 0.0).sum(axis=1)
+    own = np.where(trials[..., None, None] > 0, total / np.maximum(trials, 1)[..., None, None], np.nan)
+    rows.append(_pixel_row("detection's own", residuals, own, trials, chance))
     return rows
 
 
