@@ -27,7 +27,7 @@ from scenes import load_scene
 from validate import localise as localisation
 from validate import registration, template
 from validate.acquire import baked
-from validate.bound import centre_bound, draw_finely, pixel_sums
+from validate.bound import centre_bound, draw_finely, on_marker, pixel_sums
 from validate.detect import find_markers
 from validate.localise import BIAS_FLOOR_PX, localise
 from validate.measure import measure_capture
@@ -69,8 +69,7 @@ class Room:
     def drawn(self, camera, number, electrons):
         """A marker drawn finely with the levels of its render, its homography, and its corner in the image."""
         marker = self.scene.state.markers[number]
-        centre, right = np.array(marker.centre_m), np.array(marker.right)
-        down = np.cross(right, marker.normal)
+        centre, right, down = np.array(marker.centre_m), np.array(marker.right), -np.array(marker.up)
         ends = np.array([[-4, -4], [4, -4], [4, 4], [-4, 4]], dtype=np.float32)
         outline = camera.project(centre + marker.module_m * (ends[:, :1] * right + ends[:, 1:] * down))[0]
         corner = np.floor(outline.min(axis=0)).astype(int)
@@ -81,7 +80,9 @@ class Room:
             draw_finely(self.dictionary, marker.id, h, (height, width), (0.0, 1.0), disc, SAMPLES), SAMPLES
         )
         part = electrons[corner[1] : corner[1] + height, corner[0] : corner[0] + width]
-        gain, black = np.polyfit(pixel_sums(unit, SAMPLES)[0].ravel(), part.ravel(), 1)
+        # The plate's edge is blurred, and what is beyond it is not white.
+        _, _, inside = on_marker(h, part.shape, 3.5)
+        gain, black = np.polyfit(pixel_sums(unit, SAMPLES)[0][inside], part[inside], 1)
         levels = (black, black + gain)
         return draw_finely(self.dictionary, marker.id, h, (height, width), levels, disc, SAMPLES), h, corner
 

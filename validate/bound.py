@@ -16,9 +16,10 @@ from scipy.signal import fftconvolve
 from pss import ImageSensor
 from render.markers import pattern
 
-__all__ = ["centre_bound", "draw_finely", "fisher_information", "pixel_sums"]
+__all__ = ["centre_bound", "draw_finely", "fisher_information", "on_marker", "pixel_sums"]
 
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 
 def draw_finely(
@@ -88,6 +89,13 @@ def fisher_information(electrons: Floats, derivatives: Floats, sensor: ImageSens
     return np.asarray((derivatives / variance) @ derivatives.T)
 
 
+def on_marker(homography: Floats, shape: tuple[int, int], reach_modules: float) -> tuple[Floats, Floats, Bools]:
+    """Modules (u, v) of the pixels of an image, and whether they are within ±`reach_modules`; `shape` each."""
+    y, x = np.mgrid[: shape[0], : shape[1]].astype(float)
+    u, v, w = np.einsum("ij,jhw->ihw", np.linalg.inv(homography), np.stack([x, y, np.ones_like(x)]))
+    return u / w, v / w, np.maximum(np.abs(u / w), np.abs(v / w)) < reach_modules
+
+
 def centre_bound(
     fine: Floats, samples: int, homography: Floats, modules: int, sensor: ImageSensor, margin_modules: float = 0.75
 ) -> Floats:
@@ -100,11 +108,9 @@ def centre_bound(
         margin_modules: how far beyond the border pixels are known to show the marker.
     """
     electrons, by_x, by_y = pixel_sums(fine, samples)
-    y, x = np.mgrid[: electrons.shape[0], : electrons.shape[1]].astype(float)
-    u, v, w = np.einsum("ij,jhw->ihw", np.linalg.inv(homography), np.stack([x, y, np.ones_like(x)]))
-    u, v = u / w, v / w
-    inside = np.maximum(np.abs(u), np.abs(v)) < modules / 2 + margin_modules
-    u, v, x, y = u[inside], v[inside], x[inside], y[inside]
+    u, v, inside = on_marker(homography, electrons.shape, modules / 2 + margin_modules)
+    y, x = (axis.astype(float) for axis in np.nonzero(inside))
+    u, v = u[inside], v[inside]
     # The homography's own nine numbers, of which one is the scale of all others: pixel = (a, b) / c.
     c = homography[2] @ np.stack([u, v, np.ones_like(u)])
     place = np.stack([u, v, np.ones_like(u)])

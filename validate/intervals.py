@@ -24,6 +24,7 @@ __all__ = [
     "crossed_spearman",
     "interval",
     "kendall",
+    "mid_ranks",
     "oracle_regret",
     "pearson_log",
     "regret",
@@ -43,7 +44,7 @@ TIED = 1e-12
 CROSSED_SPREAD = 0.5
 
 
-def _mid_ranks(values: Floats, weights: Floats) -> Floats:
+def mid_ranks(values: Floats, weights: Floats) -> Floats:
     """Weighted mid-ranks along the last axis of (..., K): the weight below a value, and half of that tied with it."""
     order = np.argsort(values, axis=-1)
     ordered, weight = np.take_along_axis(values, order, -1), np.take_along_axis(weights, order, -1)
@@ -84,7 +85,7 @@ def weighted_spearman(x: ArrayLike, y: ArrayLike, weights: ArrayLike | None = No
     total = w.sum(axis=-1, keepdims=True)
     with np.errstate(invalid="ignore", divide="ignore"):
         share = w / total
-        a, b = _mid_ranks(x, share), _mid_ranks(y, share)
+        a, b = mid_ranks(x, share), mid_ranks(y, share)
         # Mid-ranks of shares average exactly one half.
         a, b = a - 0.5, b - 0.5
         spread = (share * a * a).sum(axis=-1), (share * b * b).sum(axis=-1)

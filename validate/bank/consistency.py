@@ -21,7 +21,7 @@ __all__ = ["LEVELS", "Consistency", "anisotropy", "crossed_mean", "of_errors", "
 Floats = NDArray[np.float64]
 
 LEVELS = (0.5, 0.9, 0.95)
-# Resamples of ranks over all cells, of which there are tens of thousands: enough for the ends of an interval within 10 %
+# Resamples of ranks over all cells, of which there are tens of thousands: enough for an interval's ends within 10 %
 # of its length, in a quarter of the time.
 POOLED = 50
 # Trials from which a point's own moment is compared with a covariance.

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from validate.intervals import CROSSED_SPREAD, interval, weighted_spearman
+from validate.intervals import CROSSED_SPREAD, TIED, interval, mid_ranks
 
-__all__ = ["Judged", "Resamples", "judge_against", "partial", "regrets", "top_hits"]
+__all__ = ["Judged", "Ranked", "Resamples", "judge_against", "partial", "regrets", "top_hits"]
 
 Floats = NDArray[np.float64]
 
@@ -60,16 +60,39 @@ class Judged:
         return Judged(self.estimate - other.estimate, self.samples - other.samples)
 
 
-def judge_against(metric: Floats, yardstick: Floats, resamples: Resamples, sign: int = 1) -> Judged:
-    """Spearman's ρ of a metric with a yardstick, each (K,) or the terms of a mean over points (K, N).
+@dataclass(frozen=True, eq=False)
+class Ranked:
+    """Standardised ranks of K configurations as they are (K,), and on each resample (B, K): their products are ρ."""
 
-    Args:
-        sign: −1 where the one is better when higher and the other when lower.
-    """
-    plain = [values.mean(axis=1) if values.ndim == 2 else values for values in (metric, yardstick)]
-    estimate = sign * float(weighted_spearman(*plain))
-    samples = sign * weighted_spearman(resamples.of(metric), resamples.of(yardstick), resamples.views)
-    return Judged(estimate, np.asarray(samples))
+    own: Floats
+    samples: Floats
+
+    @classmethod
+    def of(cls, values: Floats, resamples: Resamples) -> Ranked:
+        """Rank a number (K,), or a mean over points given by its terms (K, N). Ranked once, compared with many."""
+        plain = values.mean(axis=1) if values.ndim == 2 else values
+        return cls(_standardised(plain, np.ones(len(plain))), _standardised(resamples.of(values), resamples.views))
+
+    def against(self, other: Ranked, sign: int = 1) -> Judged:
+        """Spearman's ρ; `sign` is −1 where the one is better when higher and the other when lower."""
+        return Judged(
+            sign * float((self.own * other.own).sum()), sign * np.einsum("bk,bk->b", self.samples, other.samples)
+        )
+
+
+def _standardised(values: Floats, weights: Floats) -> Floats:
+    """√weight times weighted mid-ranks about their mean, of unit length along the last axis; nan if all are tied."""
+    share = weights / weights.sum(axis=-1, keepdims=True)
+    values = np.broadcast_to(values, np.broadcast_shapes(values.shape, share.shape))
+    # Mid-ranks of shares average exactly one half.
+    ranks = np.sqrt(share) * (mid_ranks(values, share) - 0.5)
+    length = np.sqrt((ranks**2).sum(axis=-1, keepdims=True))
+    return np.where(length > TIED, ranks / np.maximum(length, TIED), np.nan)
+
+
+def judge_against(metric: Floats, yardstick: Floats, resamples: Resamples, sign: int = 1) -> Judged:
+    """Spearman's ρ of a metric with a yardstick, each (K,) or the terms of a mean over points (K, N)."""
+    return Ranked.of(metric, resamples).against(Ranked.of(yardstick, resamples), sign)
 
 
 def partial(xy: Judged, xz: Judged, yz: Judged) -> Judged:

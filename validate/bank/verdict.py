@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pss import METRICS
 from validate.bank.measured import ConfigurationErrors
 from validate.bank.predicted import Predicted
-from validate.bank.ranking import Judged, Resamples, judge_against, partial, regrets, top_hits
+from validate.bank.ranking import Judged, Ranked, Resamples, partial, regrets, top_hits
 from validate.errors3d import MeasuredErrors, measured_inverse_sigma
 from validate.intervals import CROSSED_SPREAD, kendall, pearson_log
 
@@ -115,22 +115,25 @@ def leaderboard(
     rows: list[Row] = []
     points = len(verdict.measured[0].errors.detections)
     chance = Resamples.drawn(verdict.configurations, points, rng, resamples)
-    visible = verdict.terms(asked[0][0], "visible-share")
+    visible = Ranked.of(verdict.terms(asked[0][0], "visible-share"), chance)
+    numbers, ranked = {}, {}
+    for model, metric in asked:
+        better = METRICS[metric].higher_is_better
+        values = verdict.terms(model, metric) * (1 if better else -1)
+        if values.ndim == 1:  # where a number is not defined, the configuration is the worst
+            values = np.where(np.isnan(values), -np.inf, values)
+        numbers[model, metric] = values.mean(axis=1) if values.ndim == 2 else values
+        ranked[model, metric] = Ranked.of(values, chance)
+    of_visible = {pair: found.against(visible) for pair, found in ranked.items()}
     for yardstick in yardsticks(verdict.measured):
-        found: list[tuple[str, str, Floats, Judged]] = []
-        for model, metric in asked:
-            sign = 1 if METRICS[metric].higher_is_better == yardstick.higher_is_better else -1
-            values = verdict.terms(model, metric)
-            if values.ndim == 1:  # where a number is not defined, the configuration is the worst
-                worst = -np.inf if METRICS[metric].higher_is_better else np.inf
-                values = np.where(np.isnan(values), worst, values)
-            found.append((model, metric, values, judge_against(values, yardstick.values, chance, sign)))
-        with_visible = judge_against(visible, yardstick.values, chance, 1 if yardstick.higher_is_better else -1)
-        ranks = _ranks([judged for *_, judged in found])
-        for (model, metric, values, judged), (rank, low, high) in zip(found, ranks, strict=True):
-            better = METRICS[metric].higher_is_better
-            number = (values.mean(axis=1) if values.ndim == 2 else values) * (1 if better else -1)
-            of_visible = judge_against(number, visible, chance)
+        sign = 1 if yardstick.higher_is_better else -1
+        measured = Ranked.of(yardstick.values, chance)
+        judged_by = {pair: found.against(measured, sign) for pair, found in ranked.items()}
+        with_visible = visible.against(measured, sign)
+        ranks = _ranks(list(judged_by.values()))
+        for (pair, judged), (rank, low, high) in zip(judged_by.items(), ranks, strict=True):
+            model, metric = pair
+            number = numbers[pair]
             row = {
                 "cameras": verdict.cameras,
                 "yardstick": yardstick.name,
@@ -141,13 +144,12 @@ def leaderboard(
                 "rank": rank,
                 "rank_ci_low": low,
                 "rank_ci_high": high,
-                "kendall": kendall(number, yardstick.number * (1 if yardstick.higher_is_better else -1)),
-                "pearson_log": _pearson_log(number if better else -number, yardstick, better),
-                **_with_interval("partial_given_visible", partial(judged, of_visible, with_visible)),
+                "kendall": kendall(number, sign * yardstick.number),
+                "pearson_log": _pearson_log(number, yardstick, METRICS[metric].higher_is_better),
+                **_with_interval("partial_given_visible", partial(judged, of_visible[pair], with_visible)),
             }
             for baseline in BASELINES:
-                other = next((j for m, name, _, j in found if name == baseline and m == model), None)
-                other = other or next((j for _, name, _, j in found if name == baseline), judged)
+                other = judged_by.get((model, baseline)) or judged_by[asked[0][0], baseline]
                 row |= _with_interval(f"minus_{baseline.replace('-', '_')}", judged.minus(other))
             row |= _choosing(number, yardstick, rng)
             rows.append(row)
@@ -189,6 +191,7 @@ def _ranks(judged: Sequence[Judged]) -> list[tuple[int, int, int]]:
     return [(int(o), int(a), int(b)) for o, a, b in zip(order, low, high, strict=True)]
 
 
-def _pearson_log(values: Floats, yardstick: Yardstick, better: bool) -> float:
-    sign = 1 if better == yardstick.higher_is_better else -1
-    return sign * pearson_log(values, yardstick.number)
+def _pearson_log(number: Floats, yardstick: Yardstick, higher_is_better: bool) -> float:
+    """Of the metric itself, which `number` has negated if it is better when lower; positive where they agree."""
+    sign = 1 if higher_is_better else -1
+    return sign * (1 if yardstick.higher_is_better else -1) * pearson_log(sign * number, yardstick.number)
