@@ -12,7 +12,7 @@ import contextlib
 import dataclasses
 import itertools
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from unittest.mock import patch
 
@@ -72,13 +72,12 @@ class Room:
         centre, right, down = np.array(marker.centre_m), np.array(marker.right), -np.array(marker.up)
         ends = np.array([[-4, -4], [4, -4], [4, 4], [-4, 4]], dtype=np.float32)
         outline = camera.project(centre + marker.module_m * (ends[:, :1] * right + ends[:, 1:] * down))[0]
-        corner = np.floor(outline.min(axis=0)).astype(int)
-        width, height = np.ceil(outline.max(axis=0)).astype(int) + 1 - corner
+        corner = np.maximum(np.floor(outline.min(axis=0)).astype(int), 0)
+        end = np.minimum(np.ceil(outline.max(axis=0)).astype(int) + 1, electrons.shape[::-1])
+        width, height = end - corner
         h = cv2.getPerspectiveTransform(ends, (outline - corner).astype(np.float32))
         disc = float(camera.circle_of_confusion_px(centre))
-        unit = pixel_sums(
-            draw_finely(self.dictionary, marker.id, h, (height, width), (0.0, 1.0), disc, SAMPLES), SAMPLES
-        )
+        unit = draw_finely(self.dictionary, marker.id, h, (height, width), (0.0, 1.0), disc, SAMPLES)
         part = electrons[corner[1] : corner[1] + height, corner[0] : corner[0] + width]
         # The plate's edge is blurred, and what is beyond it is not white.
         _, _, inside = on_marker(h, part.shape, 3.5)
@@ -126,7 +125,7 @@ def table(room: Room, trials: int, zooms: list[float]) -> None:
             continue
         mean, rms = part[:, 1:3].mean(axis=0), np.sqrt((part[:, 1:3] ** 2).mean())
         known = part[np.isfinite(part[:, 5])]
-        efficiency = known[:, 5].mean() / known[:, 3].mean() if len(known) else np.nan
+        efficiency = 1 / (known[:, 3] / known[:, 5]).mean() if len(known) else np.nan
         sigmas = np.sqrt([part[:, 3].mean(), part[:, 4].mean(), np.nanmean(part[:, 5]) if len(known) else np.nan])
         print(
             f"{low:3d} to {high:2d}   {len(part):6d}   {mean[0]:+.4f} {mean[1]:+.4f}     {rms:.4f}       "
@@ -138,10 +137,18 @@ def table(room: Room, trials: int, zooms: list[float]) -> None:
 # ---- part by part ----------------------------------------------------------------------------------------------------
 
 
-def _after(change: Callable) -> contextlib.AbstractContextManager:
-    """`Fit.after`, with its result changed by (before, result)."""
-    original = registration.Fit.after
-    return patch.object(registration.Fit, "after", lambda fit, step, half: change(fit, original(fit, step, half)))
+def _fixed(*parameters: int) -> contextlib.AbstractContextManager:
+    """The fit without some of its parameters."""
+    original = registration._inverse
+    rest = np.ix_(*2 * [np.setdiff1d(np.arange(registration.PARAMETERS), parameters)])
+
+    def changed(normal):
+        covariance, inverse = np.zeros_like(normal), original(normal[rest])
+        if inverse is not None:
+            covariance[rest] = inverse
+        return covariance
+
+    return patch.object(registration, "_inverse", changed)
 
 
 def _without_corners() -> contextlib.AbstractContextManager:
@@ -165,7 +172,7 @@ def _true_blur(room: Room, camera, number) -> contextlib.AbstractContextManager:
 
     stack = contextlib.ExitStack()
     stack.enter_context(patch.object(localisation, "coarse_fit", changed))
-    stack.enter_context(_after(lambda fit, after: dataclasses.replace(after, blur_px2=fit.blur_px2)))
+    stack.enter_context(_fixed(12))
     return stack
 
 
@@ -183,7 +190,7 @@ VARIANTS = {
     "fitted until nothing moves": lambda *_: patch.object(localisation, "CONVERGED_SIGMAS", 1e-3),
     "blur of the camera model": _true_blur,
     "Gaussian for the lens's disc": lambda *_: patch.object(template, "lens_transform", _gaussian),
-    "no shading": lambda *_: _after(lambda _, after: dataclasses.replace(after, shading=(0.0, 0.0))),
+    "no shading": lambda *_: _fixed(10, 11),
     "corners by projections alone": lambda *_: _without_corners(),
     "pixels without width": lambda *_: patch.object(template, "pixel_transform", _pixels_without_width),
     "coarse registration alone": None,

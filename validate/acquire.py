@@ -20,6 +20,7 @@ from render.exr import ImageFileError, read_certificate, write_view
 from render.light import solve_light
 from render.state import SceneState
 from render.view import Certificate, Renderer, ViewRequest, state_key
+from validate.interruption import raise_if_interrupted
 from validate.measure import MeasureTask, ViewMeasurement, WorkerPool, load_measurement, measure
 from validate.progress import ViewProgress
 from validate.store import Store, StoreError, atomic_path
@@ -124,6 +125,7 @@ def _make(
     waiting: dict[Future[Path], Acquisition] = {}
     renderers: dict[str, Renderer] = {}
     for item in todo:
+        raise_if_interrupted()
         request = item.request
         if not _certified(item, store, acquired):
             light_is_solved = state_key(request.state) in renderers or store.light(state_key(request.state)).exists()
@@ -146,7 +148,9 @@ def _make(
         while len(waiting) > MOST_WAITING:
             _collect(waiting, progress, acquired)
     while waiting:
+        raise_if_interrupted()
         _collect(waiting, progress, acquired)
+    raise_if_interrupted()
 
 
 def _collect(waiting: dict[Future[Path], Acquisition], progress: ViewProgress, acquired: Acquired) -> None:

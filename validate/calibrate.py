@@ -29,7 +29,7 @@ FEWEST_DETECTIONS = 5
 BLUNDER_RATIO = 6.0
 # A factor that improves the log likelihood by less than this (per moment it is far less than its noise) is left out.
 SMALLEST_GAIN = 10.0
-STARTS = (1e-6, 1e-3, 1.0)
+STARTS = (1e-3, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,11 +89,12 @@ def fit(names: Sequence[str], covariances: Floats, moments: PixelMoments) -> Fit
     """Weights of the factors `names` with `covariances` (J, M, 2, 2) px²; blunders are left out once and counted."""
     if not len(moments.trials):
         raise RangeError(f"no marker was detected in {FEWEST_DETECTIONS} trials of a view; allowed: at least one")
-    weights, _ = _minimum(covariances, moments)
+    weights, deviance = _minimum(covariances, moments)
     model = np.einsum("j,jmab->mab", weights, covariances)
     ratio = np.trace(np.linalg.solve(model, moments.moment_px2), axis1=1, axis2=2) / 2
     kept = ratio < BLUNDER_RATIO
-    weights, deviance = _minimum(covariances[:, kept], moments[kept])
+    if not kept.all():
+        weights, deviance = _minimum(covariances[:, kept], moments[kept])
     return Fitted(dict(zip(names, weights.tolist(), strict=True)), deviance, int(kept.sum()), int((~kept).sum()))
 
 

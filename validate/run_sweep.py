@@ -92,4 +92,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
+    from validate.interruption import remember_interrupts
+
+    remember_interrupts()
     sys.exit(main())

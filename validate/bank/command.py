@@ -19,19 +19,11 @@ from render.view import random_stream
 from scenes import load_scene
 from scenes.sweep_file import SWEEPS
 from validate.acquire import Acquired, acquire
+from validate.bank.ceilings import oracle_rows, parts_rows
 from validate.bank.design import BankDesign, ViewBank, held_out_views, training_views
 from validate.bank.findings import findings, read_tables
-from validate.bank.study import (
-    asked_pairs,
-    calibrated,
-    consistency_rows,
-    data_of,
-    detection_row,
-    oracle_rows,
-    pixel_rows,
-    scene_models,
-    verdict_of,
-)
+from validate.bank.levels import consistency_rows, detection_row, pixel_rows
+from validate.bank.study import asked_pairs, calibrated, data_of, scene_models, verdict_of
 from validate.bank.verdict import leaderboard
 from validate.progress import ViewProgress, clock
 from validate.store import Store, write_text
@@ -45,6 +37,8 @@ SECOND_SCENE = "atrium.toml"
 COUNTS = (2, 3, 4, 6)
 # The camera count whose configurations are tracked by the filter as well, and the one of the headline.
 HEADLINE = 4
+# Noise models whose parts are exchanged for what was measured.
+PARTS_OF = ("as-printed", "corrected", "physical", "calibrated")
 
 
 def run(
@@ -152,7 +146,7 @@ def judge(
     """All tables of a held-out bank, by name."""
     data = data_of(bank, acquired, seed)
     models = scene_models(bank.scene, calibration)
-    rows: dict[str, list[Row]] = {"leaderboard": [], "ceiling": [], "consistency": [], "detection": []}
+    rows: dict[str, list[Row]] = {"leaderboard": [], "ceiling": [], "consistency": [], "detection": [], "parts": []}
     rows["consistency"] += pixel_rows(bank, data, acquired, models)
     for count in counts:
         rng = random_stream(seed, bank.scene.path.name, f"verdict of {count}")
@@ -162,6 +156,8 @@ def judge(
         rows["consistency"] += consistency_rows(verdict, bank, data, models, acquired)
         if count == HEADLINE:
             rows["detection"].append(detection_row(bank, data, verdict))
+            named = [model for model in models if model.name in PARTS_OF]
+            rows["parts"] += parts_rows(bank, data, verdict, named, acquired)
     # The pixel level has fewer columns; every row of a file has all of them.
     columns = list(dict.fromkeys(key for row in rows["consistency"] for key in row))
     rows["consistency"] = [{key: row.get(key, float("nan")) for key in columns} for row in rows["consistency"]]

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.stats
 from numpy.typing import NDArray
 
-from validate.bank.ranking import Judged, Resamples
+from validate.bank.ranking import Judged, Resamples, with_interval
 from validate.intervals import weighted_spearman
 
 __all__ = ["LEVELS", "Consistency", "anisotropy", "crossed_mean", "of_errors", "of_moments", "sandwich"]
@@ -45,9 +45,9 @@ class Consistency:
     def row(self, resamples: Resamples) -> dict[str, object]:
         """Means with 95 % intervals over views crossed with points, and the median of |log ratio|."""
         row: dict[str, object] = {"cells": int(np.isfinite(self.nees).sum())}
-        row |= _with_interval("nees_per_dof", crossed_mean(self.nees, resamples))
+        row |= with_interval("nees_per_dof", crossed_mean(self.nees, resamples))
         for level, inside in self.inside.items():
-            row |= _with_interval(f"coverage_{round(100 * level)}", crossed_mean(inside, resamples))
+            row |= with_interval(f"coverage_{round(100 * level)}", crossed_mean(inside, resamples))
         ratio = self.log_ratio[np.isfinite(self.log_ratio)]
         return row | {
             "median_abs_log_ratio": float(np.median(np.abs(ratio))) if ratio.size else float("nan"),
@@ -84,6 +84,11 @@ def of_moments(moment: Floats, covariance: Floats) -> Floats:
         return np.sqrt(np.trace(covariance, axis1=-2, axis2=-1) / np.trace(moment, axis1=-2, axis2=-1))
 
 
+def root_trace_of(covariance: Floats) -> Floats:
+    """√tr of matrices of any shape (…, d, d); nan where they are."""
+    return np.asarray(np.sqrt(np.trace(covariance, axis1=-2, axis2=-1)))
+
+
 def crossed_mean(values: Floats, resamples: Resamples) -> Judged:
     """Mean over the cells (K, N) that are not nan, with the resamples of views (B, K) and points (B, N)."""
     known = np.isfinite(values)
@@ -108,7 +113,7 @@ def pooled_spearman(predicted: Floats, measured: Floats, resamples: Resamples) -
             for views, points in zip(resamples.views[:POOLED], resamples.points[:POOLED], strict=True)
         ]
     )
-    return Judged(float(weighted_spearman(x, y)), samples)
+    return Judged(float(weighted_spearman(x, y)), samples, 1.0)
 
 
 def anisotropy(moment: Floats, covariance: Floats, trials: NDArray[np.int64]) -> dict[str, float]:
@@ -173,8 +178,3 @@ def sandwich(jacobians: Sequence[Floats], claimed: Sequence[Floats], true: Seque
     for row, actual, said in ((0, actual_c, claimed_c), (1, actual_p, prior)):
         ratio[row, solid] = np.sqrt(np.trace(actual, axis1=1, axis2=2) / np.trace(said, axis1=1, axis2=2))
     return ratio
-
-
-def _with_interval(name: str, judged: Judged) -> dict[str, object]:
-    low, high = judged.interval
-    return {name: judged.estimate, f"{name}_ci_low": low, f"{name}_ci_high": high}

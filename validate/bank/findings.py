@@ -35,6 +35,7 @@ def findings(tables: Tables, second: str = "atrium") -> str:
         ("Against the rivals", _rivals(tables)),
         ("What does choosing by it cost?", _regret(tables)),
         ("Is the error as large as predicted?", _size(tables, "consistency")),
+        ("What holds it back?", _parts(tables)),
         ("The filter", _filter(tables)),
         ("Pixels", _pixels(tables)),
         ("What is seen and found", _detection(tables)),
@@ -159,6 +160,18 @@ def _size(tables: Tables, name: str) -> list[str]:
         f"{float(row['measured_axis_ratio_median']):.1f} measured; long axes differ by "
         f"{float(row['axis_angle_median_deg']):.0f}° in the median."
     )
+    return lines
+
+
+def _parts(tables: Tables) -> list[str]:
+    lines = []
+    for row in tables["parts"]:
+        coverage = ", ".join(f"{100 * float(row[f'coverage_{level}']):.1f}" for level in (50, 90, 95))
+        lines.append(
+            f"{row['prediction']}: ρ = {_number(row, 'spearman')} over configurations, "
+            f"{_number(row, 'point_spearman')} over points; |log ratio| {float(row['median_abs_log_ratio']):.2f}; "
+            f"NEES/3 = {_number(row, 'nees_per_dof')}; ellipsoids hold {coverage} %."
+        )
     return lines
 
 

@@ -19,7 +19,7 @@ from validate.errors3d import MeasuredErrors
 from validate.track import track_static
 from validate.triangulate import triangulate
 
-__all__ = ["BankData", "ConfigurationErrors", "measure_all"]
+__all__ = ["BankData", "ConfigurationErrors", "measure_all", "residual_moments"]
 
 Floats = NDArray[np.float64]
 Views = tuple[int, ...]
@@ -123,3 +123,12 @@ def _measure(data: BankData, views: Views, filtered: bool) -> ConfigurationError
     return dataclasses.replace(
         result, prior_moment_m2=tracked.prior_moment_m2, posterior_moment_m2=tracked.posterior_moment_m2
     )
+
+
+def residual_moments(residuals: Floats) -> Floats:
+    """px², second moments (V, N, 2, 2) of residuals (V, T, N, 2); nan with fewer than three."""
+    seen = np.isfinite(residuals[..., 0])
+    known = np.where(seen[..., None], residuals, 0.0)
+    count = seen.sum(axis=1)[..., None, None]
+    moment = np.einsum("vtni,vtnj->vnij", known, known) / np.maximum(count, 1)
+    return np.where(count >= 3, moment, np.nan)

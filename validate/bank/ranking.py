@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from validate.intervals import CROSSED_SPREAD, TIED, interval, mid_ranks
 
-__all__ = ["Judged", "Ranked", "Resamples", "judge_against", "partial", "regrets", "top_hits"]
+__all__ = ["Judged", "Ranked", "Resamples", "judge_against", "partial", "regrets", "top_hits", "with_interval"]
 
 Floats = NDArray[np.float64]
 
@@ -41,10 +41,11 @@ class Resamples:
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """A statistic, its deviations (B,) over the resamples, and its 95 % interval."""
+    """A statistic, itself on each resample (B,), and its 95 % interval; no statistic lies beyond ± `bound`."""
 
     estimate: float
     samples: Floats
+    bound: float = np.inf
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -52,12 +53,13 @@ class Judged:
         if not np.isfinite(self.estimate) or not np.isfinite(self.samples).any():
             return float("nan"), float("nan")
         known = self.samples[np.isfinite(self.samples)]
-        low, high = interval((known - known.mean()) / CROSSED_SPREAD + self.estimate)
-        return float(low), float(high)
+        ends = interval((known - known.mean()) / CROSSED_SPREAD + self.estimate)
+        low, high = (float(np.clip(end, -self.bound, self.bound)) for end in ends)
+        return low, high
 
     def minus(self, other: Judged) -> Judged:
         """The difference, on the same resamples."""
-        return Judged(self.estimate - other.estimate, self.samples - other.samples)
+        return Judged(self.estimate - other.estimate, self.samples - other.samples, self.bound + other.bound)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +78,7 @@ class Ranked:
     def against(self, other: Ranked, sign: int = 1) -> Judged:
         """Spearman's ρ; `sign` is −1 where the one is better when higher and the other when lower."""
         return Judged(
-            sign * float((self.own * other.own).sum()), sign * np.einsum("bk,bk->b", self.samples, other.samples)
+            sign * float((self.own * other.own).sum()), sign * np.einsum("bk,bk->b", self.samples, other.samples), 1.0
         )
 
 
@@ -103,7 +105,8 @@ def partial(xy: Judged, xz: Judged, yz: Judged) -> Judged:
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray((a - b * c) / np.sqrt((1 - b**2) * (1 - c**2)))
 
-    return Judged(float(of(xy.estimate, xz.estimate, yz.estimate)), np.asarray(of(xy.samples, xz.samples, yz.samples)))
+    samples = np.asarray(of(xy.samples, xz.samples, yz.samples))
+    return Judged(float(of(xy.estimate, xz.estimate, yz.estimate)), samples, 1.0)
 
 
 def regrets(
@@ -141,3 +144,9 @@ def top_hits(score: Floats, measured: Floats, share: float) -> float:
     above, tied = known > limit, known == limit
     weight = above + tied * ((count - above.sum()) / max(tied.sum(), 1))
     return float(weight[best].sum() / count)
+
+
+def with_interval(name: str, judged: Judged) -> dict[str, object]:
+    """Columns of a statistic: its name, and the ends of its interval."""
+    low, high = judged.interval
+    return {name: judged.estimate, f"{name}_ci_low": low, f"{name}_ci_high": high}

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pss import METRICS
 from validate.bank.measured import ConfigurationErrors
 from validate.bank.predicted import Predicted
-from validate.bank.ranking import Judged, Ranked, Resamples, partial, regrets, top_hits
+from validate.bank.ranking import Judged, Ranked, Resamples, partial, regrets, top_hits, with_interval
 from validate.errors3d import MeasuredErrors, measured_inverse_sigma
 from validate.intervals import CROSSED_SPREAD, kendall, pearson_log
 
@@ -140,17 +140,17 @@ def leaderboard(
                 "metric": metric,
                 "noise_model": model,
                 "n": len(number),
-                **_with_interval("spearman", judged),
+                **with_interval("spearman", judged),
                 "rank": rank,
                 "rank_ci_low": low,
                 "rank_ci_high": high,
                 "kendall": kendall(number, sign * yardstick.number),
                 "pearson_log": _pearson_log(number, yardstick, METRICS[metric].higher_is_better),
-                **_with_interval("partial_given_visible", partial(judged, of_visible[pair], with_visible)),
+                **with_interval("partial_given_visible", partial(judged, of_visible[pair], with_visible)),
             }
             for baseline in BASELINES:
                 other = judged_by.get((model, baseline)) or judged_by[asked[0][0], baseline]
-                row |= _with_interval(f"minus_{baseline.replace('-', '_')}", judged.minus(other))
+                row |= with_interval(f"minus_{baseline.replace('-', '_')}", judged.minus(other))
             row |= _choosing(number, yardstick, rng)
             rows.append(row)
     return rows
@@ -171,11 +171,6 @@ def _choosing(number: Floats, yardstick: Yardstick, rng: np.random.Generator) ->
         }
     sign = 1 if yardstick.higher_is_better else -1
     return row | {"top_tenth_hits": top_hits(number, sign * yardstick.number, TOP_SHARE)}
-
-
-def _with_interval(name: str, judged: Judged) -> Row:
-    low, high = judged.interval
-    return {name: judged.estimate, f"{name}_ci_low": low, f"{name}_ci_high": high}
 
 
 def _ranks(judged: Sequence[Judged]) -> list[tuple[int, int, int]]:

@@ -1,0 +1,160 @@
+"""Each noise model against the errors at three levels, pixel, single frame and filter, and what was seen and found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pss import NoiseModel
+from pss.views import Views
+from render.view import random_stream
+from validate.acquire import Acquired
+from validate.bank.consistency import anisotropy, of_errors, of_moments, pooled_spearman, root_trace_of, sandwich
+from validate.bank.design import ViewBank
+from validate.bank.measured import BankData, residual_moments
+from validate.bank.predicted import Predicted
+from validate.bank.ranking import Resamples, with_interval
+from validate.bank.study import appearance_of
+from validate.bank.verdict import RESAMPLES, CountVerdict
+
+__all__ = ["consistency_rows", "detection_row", "pixel_rows"]
+
+Floats = NDArray[np.float64]
+Row = dict[str, object]
+
+
+def pixel_rows(bank: ViewBank, data: BankData, acquired: Acquired, models: Sequence[NoiseModel]) -> list[Row]:
+    """Each model's R, and each detection's own covariance, against the pixel errors of all views."""
+    state = bank.scene.state
+    residuals = data.residuals()
+    views = Views(list(bank.cameras), state.points_m, state.normals, appearance_of(bank.scene, acquired))
+    rng = random_stream(data.seed, bank.scene.path.name, "pixel level")
+    chance = Resamples.drawn(np.arange(len(bank.cameras))[:, None], len(state.points_m), rng, RESAMPLES)
+    trials = np.isfinite(residuals[..., 0]).sum(axis=1)
+    rows = []
+    for model in models:
+        covariance = np.broadcast_to(
+            model.of_views(views).matrix(len(bank.cameras), len(state.points_m)), (*trials.shape, 2, 2)
+        )
+        rows.append(_pixel_row(model.name, residuals, covariance, trials, chance))
+    seen = np.isfinite(residuals[..., :1, None])
+    total = np.where(seen, data.covariance, 0.0).sum(axis=1)
+    own = np.where(trials[..., None, None] > 0, total / np.maximum(trials, 1)[..., None, None], np.nan)
+    rows.append(_pixel_row("detection's own", residuals, own, trials, chance))
+    return rows
+
+
+def _pixel_row(name: str, residuals: Floats, covariance: Floats, trials: NDArray[np.int64], chance: Resamples) -> Row:
+    covariance = np.where(np.isfinite(covariance), covariance, np.nan)
+    found = of_errors(residuals, covariance)
+    enough = np.isfinite(found.log_ratio) & (trials >= 10)
+    # The logarithm of a variance over n trials of two axes has the variance 2/(2n): that of its root a quarter of it.
+    sampling = float(np.mean(1 / (4 * trials[enough]))) if enough.any() else float("nan")
+    scatter = float(np.var(found.log_ratio[enough])) if enough.any() else float("nan")
+    return {
+        "level": "pixel",
+        "cameras": 1,
+        "noise_model": name,
+        **found.row(chance),
+        "log_scatter": float(np.sqrt(max(scatter - sampling, 0.0))),
+    }
+
+
+def consistency_rows(
+    verdict: CountVerdict, bank: ViewBank, data: BankData, models: Sequence[NoiseModel], acquired: Acquired
+) -> list[Row]:
+    """Single frame, and the filter where it was run, of each model over the configurations of one camera count."""
+    rng = random_stream(data.seed, bank.scene.path.name, f"consistency of {verdict.cameras}")
+    chance = Resamples.drawn(verdict.configurations, len(data.points_m), rng, RESAMPLES)
+    errors = np.array([found.errors.errors_m for found in verdict.measured])
+    moment = np.array([found.errors.second_moment_m2 for found in verdict.measured])
+    trials = np.array([found.errors.detections for found in verdict.measured])
+    rms = np.array([found.errors.rms_m for found in verdict.measured])
+    rows = []
+    for model in models:
+        of_model = [found[model.name] for found in verdict.predicted]
+        covariance = np.array([found.covariance_m2 for found in of_model])
+        ratio = _sandwich_medians(verdict, bank, data, model, acquired)
+        rows.append(
+            {
+                "level": "single frame",
+                "cameras": verdict.cameras,
+                "noise_model": model.name,
+                **of_errors(errors, covariance).row(chance),
+                **with_interval("point_spearman", pooled_spearman(root_trace_of(covariance), rms, chance)),
+                **anisotropy(moment, covariance, trials),
+                "sandwich_over_claimed_median": ratio[0],
+            }
+        )
+        rows += _filter_rows(verdict, model.name, of_model, ratio[1])
+    return rows
+
+
+def _filter_rows(verdict: CountVerdict, name: str, predicted: Sequence[Predicted], ratio: float) -> list[Row]:
+    rows = []
+    for kind, attribute in (("prior", "prior_m2"), ("posterior", "posterior_m2")):
+        moments = [getattr(found, f"{kind}_moment_m2") for found in verdict.measured]
+        if any(moment is None for moment in moments):
+            return []
+        found = of_moments(np.array(moments), np.array([getattr(p, attribute) for p in predicted]))
+        known = found[np.isfinite(found)]
+        rows.append(
+            {
+                "level": f"filter, {kind}",
+                "cameras": verdict.cameras,
+                "noise_model": name,
+                "cells": int(known.size),
+                "predicted_over_measured_rms_median": float(np.median(known)),
+                "median_abs_log_ratio": float(np.median(np.abs(np.log(known)))),
+                "median_log_ratio": float(np.median(np.log(known))),
+                "sandwich_over_claimed_median": ratio,
+            }
+        )
+    return rows
+
+
+def _sandwich_medians(
+    verdict: CountVerdict, bank: ViewBank, data: BankData, model: NoiseModel, acquired: Acquired
+) -> tuple[float, float]:
+    """Median over configurations and points of actual over claimed √tr, weighted by the model's R: frame and filter."""
+    state = bank.scene.state
+    true = residual_moments(data.residuals())
+    views = Views(list(bank.cameras), state.points_m, state.normals, appearance_of(bank.scene, acquired))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        claimed = np.broadcast_to(model.of_views(views).matrix(*true.shape[:2]), true.shape)
+    jacobians = np.array([camera.jacobian(state.points_m) for camera in bank.cameras])
+    found = []
+    q = float(data.process.Q[0, 0])
+    for chosen, predicted in zip(verdict.configurations, verdict.predicted, strict=True):
+        seen = predicted[model.name].visible & np.isfinite(true[chosen]).all(axis=(-2, -1))
+        seen &= np.isfinite(claimed[chosen]).all(axis=(-2, -1))
+        cell = seen[..., None, None]
+        found.append(
+            sandwich(
+                np.where(cell, jacobians[chosen], 0.0),
+                np.where(cell, claimed[chosen], np.eye(2)),
+                np.where(cell, true[chosen], np.eye(2)),
+                q,
+            )
+        )
+    ratio = np.array(found)
+    return float(np.nanmedian(ratio[:, 0])), float(np.nanmedian(ratio[:, 1]))
+
+
+def detection_row(bank: ViewBank, data: BankData, verdict: CountVerdict) -> Row:
+    """Predicted visible × detected, over views and markers in a configuration's predictions and all trials."""
+    visible = np.zeros((len(bank.cameras), len(data.points_m)), dtype=bool)
+    for chosen, predicted in zip(verdict.configurations, verdict.predicted, strict=True):
+        visible[chosen] = next(iter(predicted.values())).visible
+    used = np.unique(verdict.configurations)
+    rate = data.detected[used].mean(axis=1)
+    seen = visible[used]
+    return {
+        "visible_detected": float((rate * seen).mean()),
+        "visible_missed": float(((1 - rate) * seen).mean()),
+        "hidden_detected": float((rate * ~seen).mean()),
+        "hidden_missed": float(((1 - rate) * ~seen).mean()),
+        "views": len(used),
+    }
