@@ -3,8 +3,7 @@
 Because no view samples the light again, shading and soft shadows put no noise into the images that the detector could
 mistake for its own. Lambert's formula gives the form factor from a point to a polygon exactly; what lies between them
 is asked of the same shapes that the metric asks. Approximations: a patch is hidden whole or not at all (by its centre);
-each patch has one radiosity; lamps hide nothing, so that the ceiling right above them counts too (too bright, by under
-2 %).
+each patch has one radiosity; lamps hide nothing, for which the ceiling above them reflects nothing.
 """
 
 from __future__ import annotations
@@ -14,20 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pss import Sphere
 from pss.surrogates import Mesh, Shape, any_blocks
-from render.geometry import Surface, lamps, surfaces, tile_sphere
-from render.meshes import MOST_MESH_PATCHES, mesh_patches, patches_wanted, shares
+from render.patches import scene_patches
 from render.state import SceneState
 
 __all__ = ["Radiosity", "UnitLight", "form_factors", "solve_light", "solve_radiosity"]
 
 Floats = NDArray[np.float64]
 
-PATCH_M = 0.5
-OBJECT_PATCH_M = 0.3
-LAMP_PATCH_M = 0.1
-SPHERE_PATCH_SUBDIVISIONS = 2
 # Receivers are lifted off their surface, since a point in a polygon's own plane or corner has no solid angle.
 LIFT_M = 1e-3
 RECEIVERS_AT_ONCE = 512
@@ -77,21 +70,16 @@ def solve_light(state: SceneState) -> Radiosity | UnitLight:
 
 def solve_radiosity(state: SceneState) -> Radiosity:
     """Solve the inter-reflection of the scene's surfaces: B = M + ρ F B over its patches."""
-    pieces = _all_patches([*lamps(state), *surfaces(state)])
-    corners = np.concatenate([corners for _, (corners, _) in pieces])
-    centres = np.concatenate([centres for _, (_, centres) in pieces])
-    albedo = np.concatenate([np.full(len(patches), surface.albedo) for surface, (patches, _) in pieces])
-    emitted = np.concatenate([np.full(len(patches), np.pi * surface.radiance) for surface, (patches, _) in pieces])
+    patches = scene_patches(state)
+    corners, centres, normals = patches.corners_m, patches.centres_m, patches.normals
     occluders = _joined(state.occluders)
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
     received = np.concatenate(
         [
             _seen_form_factors(centres[part], normals[part], corners, centres, normals, occluders)
             for part in _chunks(len(centres))
         ]
     )
-    radiosity = np.linalg.solve(np.eye(len(centres)) - albedo[:, None] * received, emitted)
+    radiosity = np.linalg.solve(np.eye(len(centres)) - patches.albedo[:, None] * received, patches.emitted)
     return Radiosity(corners, centres, normals, radiosity, occluders)
 
 
@@ -167,32 +155,6 @@ def _seen_form_factors(
     factors = np.zeros((len(points_m), len(corners_m)))
     factors[receiver, patch] = np.maximum(form_factors(receivers[receiver], normals[receiver], corners_m[patch]), 0.0)
     return factors
-
-
-def _all_patches(found: list[Surface]) -> list[tuple[Surface, tuple[Floats, Floats]]]:
-    """Each surface with its patches; all meshes together have at most `MOST_MESH_PATCHES`."""
-    meshes = [surface.shape for surface in found if isinstance(surface.shape, Mesh)]
-    most = shares([patches_wanted(mesh, OBJECT_PATCH_M) for mesh in meshes], MOST_MESH_PATCHES)
-    of_meshes = iter([mesh_patches(mesh, OBJECT_PATCH_M, count) for mesh, count in zip(meshes, most, strict=True)])
-    return [(s, next(of_meshes) if isinstance(s.shape, Mesh) else _patches(s)) for s in found]
-
-
-def _patches(surface: Surface) -> tuple[Floats, Floats]:
-    """Metres, the patches of a surface, (P, 4, 3), counter-clockwise from its bright side; their centres (P, 3)."""
-    if isinstance(surface.shape, Sphere):
-        vertices, faces = tile_sphere(surface.shape, SPHERE_PATCH_SUBDIVISIONS)
-        # A triangle's own middle lies inside the ball, where the ball itself would hide it.
-        centre = np.array(surface.shape.centre_m)
-        outwards = vertices[faces].mean(axis=1) - centre
-        outwards *= surface.shape.radius_m / np.linalg.norm(outwards, axis=-1, keepdims=True)
-        return np.asarray(vertices[faces[:, [0, 1, 2, 2]]]), centre + outwards
-    largest = LAMP_PATCH_M if surface.radiance else PATCH_M if surface.name in ROOM_SURFACES else OBJECT_PATCH_M
-    split = [tile.split(largest) for tile in surface.shape]
-    patches = np.concatenate([corners[quads] for corners, quads in split])
-    return patches, patches.mean(axis=1)
-
-
-ROOM_SURFACES = ("floor", "ceiling", "walls")
 
 
 def _chunks(count: int) -> list[slice]:

@@ -29,7 +29,7 @@ __all__ = ["Certificate", "RenderedView", "Renderer", "ViewRequest", "random_str
 Floats = NDArray[np.floating]
 
 # Raised whenever the code changes what is rendered, so that stored views of older code are not taken for today's.
-RENDER_VERSION = 5
+RENDER_VERSION = 6
 # An edge crosses a marker's pixel where the samples within it spread (σ) by more than this many times its sensor noise.
 EDGE_SPREAD = 0.5
 # Side of the window over which the certificate pools the noise of edge pixels.

@@ -8,17 +8,13 @@ import numpy as np
 import pytest
 
 from benchmarks.path_traced import path_traced_irradiance
-from pss.surrogates import any_blocks
 from render.light import LIFT_M, form_factors, solve_light
 from render.state import Room
 
 pytestmark = pytest.mark.render
 
-# Relative, RMS over the markers that are not in a gap (measured: 1.1 %, nearly all of it the ceiling above the lamps).
+# Relative, RMS over the markers (measured: 1.5 %; the ball's underside, 1 to 5 cm above the plinth, is 10 % off).
 MARKERS = 0.02
-# m: a patch of light is 0.3 m, and cannot shade what lies closer to it than a sixth of that. In the room, three markers
-# on the ball's underside look at the plinth's top from 1 to 5 cm (measured: up to 40 % off).
-GAP_M = 0.05
 # Paths a marker: they leave a standard error of 0.28 % (RMS), of which nothing is taken off.
 SAMPLES = 1 << 16
 NOISE = 0.004
@@ -32,25 +28,11 @@ def reference(room, mi) -> tuple[np.ndarray, np.ndarray]:
     return path_traced_irradiance(room.state, room.state.points_m, room.state.normals, mi, SAMPLES)
 
 
-def in_a_gap(state) -> np.ndarray:
-    """(N,), a marker from whose plane, straight ahead, another object is less than `GAP_M` away."""
-    ends = state.points_m + GAP_M * state.normals
-    others = [[o for o in state.occluders if o.name != marker.object_name] for marker in state.markers]
-    return np.array(
-        [
-            bool(any_blocks(tuple(shapes), start[None], end[None])[0])
-            for shapes, start, end in zip(others, state.points_m, ends, strict=True)
-        ]
-    )
-
-
 def test_light_on_the_markers_is_the_path_traced_one(room, reference):
-    """Within 2 %, RMS over the markers of the room that are not in a gap, those in the ball's own shadow too."""
+    """Within 2 %, RMS over all markers of the room, those in the ball's own shadow too."""
     state = room.state
     traced, error = reference
-    gap = in_a_gap(state)
-    assert gap.sum() <= 4
-    off = np.where(gap, 0, solve_light(state).irradiance(state.points_m, state.normals) / traced - 1)
+    off = solve_light(state).irradiance(state.points_m, state.normals) / traced - 1
     rms, noise = np.sqrt(np.mean(off**2)), np.sqrt(np.mean((error / traced) ** 2))
     worst = np.abs(off).argmax()
     print(

@@ -45,7 +45,7 @@ T = TypeVar("T")
 # s, for a worker to end after it was told to; what it holds up is only the prompt.
 SECONDS_TO_STOP = 5.0
 # Named in the store's hash: raised whenever detection or localisation change.
-DETECTOR = "registration-5"
+DETECTOR = "registration-6"
 
 
 @dataclass(frozen=True, eq=False)
