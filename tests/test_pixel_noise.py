@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from validate.pixel_noise.exponents import joint_exponents, log_variance, series
 from validate.pixel_noise.laboratory import FOCAL_PX, MARKER_M, PRINT, Factors, Setup, draw_poses
 from validate.run_sweep import main
 
+ROOT = Path(__file__).parents[1]
 POSES, TRIALS = 8, 20
 WORLDS = 400
 # 95 % intervals over 400 worlds: their coverage is known to ± 1.1 % (one standard deviation) if it is 95 %.
@@ -277,3 +279,24 @@ def test_the_command_leaves_its_table_and_repeats_from_the_store(tmp_path, capsy
     assert main([*arguments, "--out", str(tmp_path / "second")]) == 0
     for name in ("pixel_noise.csv", "renders.csv", "exponents.csv"):
         assert (tmp_path / "second" / name).read_bytes() == (tmp_path / "first" / name).read_bytes()
+
+
+# ---- the page --------------------------------------------------------------------------------------------------------
+
+
+def test_the_page_shows_the_reference_table_and_its_exponents():
+    """Every level and every exponent of results/reference, as rounded there."""
+    page = (ROOT / "docs" / "pixel-noise.md").read_text(encoding="utf-8").replace("−", "-")
+    levels = rows_of(ROOT / "results" / "reference" / "pixel_noise.csv")
+    for series in SERIES:
+        assert [float(row[series.factor]) for row in levels if row["series"] == series.name] == list(series.values)
+    for row in levels:
+        cells = [row["series"], *(row[name] for name in ("module_px", "cc_px", "incidence_deg", "white_e"))]
+        sigma, low, high = (f"{1000 * float(row[f'sigma{end}_px']):.2f}" for end in ("", "_low", "_high"))
+        assert f"| {' | '.join(cells)} | {float(row['detection_rate']):.2f} | {sigma} [{low}, {high}] |" in page
+    for row in rows_of(ROOT / "results" / "reference" / "pixel_noise_exponents.csv"):
+        value, low, high = (f"{float(row[f'exponent{end}']):+.2f}" for end in ("", "_low", "_high"))
+        assert f"| {row['renders']} | {value} [{low}, {high}] |" in page
+    for name in (*levels[0], "renders.csv"):
+        if not name.endswith(("_low", "_high", "_low_px", "_high_px")):
+            assert f"`{name}`" in page, name

@@ -118,7 +118,7 @@ def _noise(axes: Axes, rows: Rows, column: str) -> None:
         axes.errorbar(x, shown, yerr=np.nan_to_num(ends), fmt=style, color=colour, ms=6, capsize=3, lw=1.5, label=said)
         none = (value == 0) & (high > 0)
         axes.plot(x[none], high[none], "v", color=colour, mfc="none", ms=7)
-    axes.set_ylim(4e-4, 0.1)
+    axes.set_ylim(4e-4, 0.04)
     axes.grid(alpha=0.3, which="both", lw=0.5)
 
 
