@@ -87,11 +87,16 @@ class Rectangle:
         centre, normal = np.array(self.centre_m), self.normal
         height_of_start = (starts_m - centre) @ normal
         height_of_end = (ends_m - centre) @ normal
-        crosses = height_of_start * height_of_end < 0
-        span = np.where(crosses, height_of_start - height_of_end, 1.0)
-        hit = starts_m + (height_of_start / span)[..., None] * (ends_m - starts_m) - centre
+        crosses = np.asarray(height_of_start * height_of_end < 0)
+        # Most segments stay on one side; the others are followed to the board.
+        starts = np.broadcast_to(starts_m, (*crosses.shape, 3))[crosses]
+        ends = np.broadcast_to(ends_m, (*crosses.shape, 3))[crosses]
+        above = np.broadcast_to(height_of_start, crosses.shape)[crosses]
+        share = above / (above - np.broadcast_to(height_of_end, crosses.shape)[crosses])
+        hit = starts + share[:, None] * (ends - starts) - centre
         inside = (np.abs(hit @ self.right) <= self.width_m / 2) & (np.abs(hit @ self.up) <= self.height_m / 2)
-        return np.asarray(crosses & inside)
+        crosses[crosses] = inside
+        return crosses
 
     def grid(self, columns: int, rows: int, margin_m: float = 0.0) -> tuple[Floats, Floats]:
         """`columns` × `rows` points spread evenly over the front, row by row from top left: points, normals (N, 3)."""
@@ -157,14 +162,15 @@ class Box:
 
     def blocks(self, starts_m: Floats, ends_m: Floats) -> Bools:
         """Whether the open segments, (..., 3) each, pass through the box (slab test); shape (...)."""
-        way = ends_m - starts_m
-        with np.errstate(divide="ignore", invalid="ignore"):
-            near = (np.array(self.lowest_m) - starts_m) / way
-            far = (np.array(self.highest_m) - starts_m) / way
-        # A segment parallel to a slab has 0/0 only on its face: counted as outside.
-        enter = np.nan_to_num(np.minimum(near, far), nan=np.inf).max(axis=-1)
-        leave = np.nan_to_num(np.maximum(near, far), nan=-np.inf).min(axis=-1)
-        return np.asarray((enter < leave) & (leave > 0) & (enter < 1))
+        enter, leave = np.asarray(-np.inf), np.asarray(np.inf)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            for axis, (low, high) in enumerate(zip(self.lowest_m, self.highest_m, strict=True)):
+                start = starts_m[..., axis]
+                way = ends_m[..., axis] - start
+                near, far = (low - start) / way, (high - start) / way
+                # A segment parallel to a slab has 0/0 only on its face: nan goes through, and counts as outside.
+                enter, leave = np.maximum(enter, np.minimum(near, far)), np.minimum(leave, np.maximum(near, far))
+            return np.asarray((enter < leave) & (leave > 0) & (enter < 1))
 
 
 def _cell_centres(count: int, length: float) -> Floats:
