@@ -8,6 +8,7 @@ from pss.aggregation import Aggregation
 from pss.camera import PTZCamera
 from pss.errors import GeometryError, MissingLibraryError, PSSError, RangeError, RiccatiError, ShapeError
 from pss.evaluation import Evaluation, Evaluations
+from pss.legibility import Legible, WholeTarget, visibility_tests
 from pss.metric import evaluate, evaluate_many
 from pss.metric_table import Metric
 from pss.metrics import METRICS
@@ -36,6 +37,7 @@ __all__ = [
     "FunctionSensor",
     "GeometryError",
     "ImageSensor",
+    "Legible",
     "LinearProcess",
     "Metric",
     "MissingLibraryError",
@@ -55,8 +57,10 @@ __all__ = [
     "Shape",
     "ShapeError",
     "Sphere",
+    "WholeTarget",
     "evaluate",
     "evaluate_many",
     "noise_model",
     "steady_state_covariance",
+    "visibility_tests",
 ]

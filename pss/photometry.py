@@ -190,6 +190,20 @@ class Appearance:
                 f"Appearance.modules = {self.modules!r}; allowed: 3 or more (a border and what it encloses)"
             )
 
+    def sides_m(self, normals: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """m, a module's two sides in the world, (N, 3) each, on surfaces with unit `normals` (N, 3)."""
+        if self.along is None:
+            # Any direction in the surface would do; a horizontal one, and x where the surface itself is horizontal.
+            along = np.column_stack([-normals[:, 1], normals[:, 0], np.zeros(len(normals))])
+            flat = np.hypot(normals[:, 0], normals[:, 1]) < 1e-9
+            along[flat] = (1.0, 0.0, 0.0)
+        else:
+            along = np.asarray(self.along, dtype=float)
+            along = along - normals * (along * normals).sum(axis=1, keepdims=True)
+        along = along / np.linalg.norm(along, axis=1, keepdims=True)
+        module = np.broadcast_to(np.asarray(self.module_m), len(normals))[:, None]
+        return module * along, module * np.cross(normals, along)
+
     def check_length(self, points: int) -> None:
         """Raise `ShapeError` unless the arrays fit `points` points."""
         for name in ("module_m", "white_w_per_m2_sr", "black_w_per_m2_sr", "along"):

@@ -8,8 +8,18 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pss import ConstantAcceleration, ConstantVelocity, ImageSensor, NoiseModel, PTZCamera, RandomWalk, noise_model
+from pss import (
+    ConstantAcceleration,
+    ConstantVelocity,
+    ImageSensor,
+    NoiseModel,
+    PTZCamera,
+    RandomWalk,
+    noise_model,
+    visibility_tests,
+)
 from pss.process import ProcessModel
+from pss.visibility import VisibilityTest
 from render.exposure import AutoExposure
 from render.state import Light, Marker, MarkerPrint, Panel, Room, SceneObject, SceneState
 from scenes.checks import check_scene, shape_of
@@ -49,6 +59,7 @@ class Scene:
         sensor: the one that all cameras have; with `auto_exposure` its exposure is no more than the longest allowed.
         process: how the points of interest move.
         noise_models: the R_k whose predictions a run compares, with the sensor's own dark noise.
+        visibility: the tests that a marker must pass to count as seen in a prediction.
         warnings: what was accepted but may not be as the user thinks, a line each.
         auto_exposure: what the exposure is yet to be chosen for (`with_exposure`); None if the file says a number.
     """
@@ -59,6 +70,7 @@ class Scene:
     sensor: ImageSensor
     process: ProcessModel
     noise_models: tuple[NoiseModel, ...]
+    visibility: tuple[VisibilityTest, ...]
     _spec: SceneSpec = field(repr=False)
     warnings: tuple[str, ...] = ()
     auto_exposure: AutoExposure | None = None
@@ -138,6 +150,7 @@ def _scene(path: Path, problems: Problems) -> Scene:
         sensor=sensor,
         process=_process(spec),
         noise_models=_noise_models(spec, sensor),
+        visibility=visibility_tests(spec.metric.visibility),
         _spec=spec,
         warnings=tuple(problems.warnings),
         auto_exposure=_auto_exposure(spec),

@@ -13,6 +13,7 @@ from pydantic import Field
 
 from pss import NOISE_MODELS, noise_model
 from pss.camera import MAX_ABS_TILT_DEG, MOST_BLADES
+from pss.legibility import VISIBILITIES
 from pss.photometry import LARGEST_PRNU_SHARE
 from render.exposure import AutoExposure
 from scenes.dictionaries import DICTIONARIES
@@ -262,6 +263,12 @@ class NoiseSpec(Spec):
     px2_per_m2: Annotated[Positive, Field(description="a number above 0, in px²/m²")] = 1.0
 
 
+class MetricSpec(Spec):
+    """[metric]: what predictions count as seen; may be left out."""
+
+    visibility: Annotated[Literal[VISIBILITIES], Field(description=f"one of {', '.join(VISIBILITIES)}")] = "point"
+
+
 ObjectSpec = one_of("kind", RectangleSpec, SphereSpec, BoxSpec, MeshSpec)
 ProcessSpec = one_of("model", RandomWalkSpec, ConstantVelocitySpec, ConstantAccelerationSpec)
 
@@ -279,3 +286,4 @@ class SceneSpec(Spec):
     backdrop: BackdropSpec | None = None
     process: ProcessSpec
     noise: NoiseSpec
+    metric: MetricSpec = MetricSpec()

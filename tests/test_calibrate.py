@@ -157,7 +157,7 @@ def test_a_file_gives_the_same_model(tmp_path, world):
         ("[weights]\nfloor = true", "weights.floor = True; allowed: 0 or more"),
         ("[weights]\nbloor = 1.0", "weights.bloor; allowed: brightness-contrast, floor"),
         ("[weights]\nfloor = 0.0", "all weights are 0"),
-        ("[weights]\nfloor = 1.0\n[fit]\n", "'fit'; allowed: name, weights, provenance"),
+        ("[weights]\nfloor = 1.0\n[fit]\n", "'fit'; allowed: name, weights, limits, provenance"),
         ("weights = [", "no TOML"),
     ],
 )

@@ -81,6 +81,7 @@ def predict(scene: Scene, cameras: Sequence[PTZCamera], appearance: Appearance |
             process=scene.process,
             occluder=state.occluders,
             appearance=appearance,
+            visibility=scene.visibility,
         )
         for model in scene.noise_models
     }

@@ -1,6 +1,6 @@
 """The measurement noise R_k of a camera: quality factors, each a small unit, and their named sums (section 4)."""
 
-from pss.noise.calibrated import CALIBRATION_FACTORS, Calibration, calibration_factor
+from pss.noise.calibrated import CALIBRATION_FACTORS, CALIBRATION_LIMITS, Calibration, calibration_factor
 from pss.noise.covariance import PixelCovariance
 from pss.noise.factors import (
     DEFAULT_CCD_NOISE,
@@ -18,6 +18,7 @@ from pss.noise.relative import ModuleSize, RelativeDefocus
 
 __all__ = [
     "CALIBRATION_FACTORS",
+    "CALIBRATION_LIMITS",
     "DEFAULT_CCD_NOISE",
     "NOISE_MODELS",
     "SMALLEST_COS_INCIDENCE",

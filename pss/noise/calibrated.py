@@ -1,10 +1,14 @@
-"""A calibrated noise model: non-negative weights of factors, fitted on training views, in a TOML file that says how.
+"""A calibration: weights of noise factors and limits of detection, fitted on training views, in a file that says how.
 
 name = "calibrated"
 
 [weights]                      # of covariances; px² where the factor itself is a ratio
 brightness-contrast = 1.1
 floor = 3e-5
+
+[limits]                       # of what is detected (`pss.visibility_tests`); may be left out
+smallest_module_px = 2.3
+largest_blur_modules = 1.0
 
 [provenance]                   # for people: read, and not used
 """
@@ -14,7 +18,7 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +36,7 @@ from pss.noise.photometric import BrightnessContrast
 from pss.noise.relative import ModuleSize, RelativeDefocus
 from pss.photometry import ImageSensor
 
-__all__ = ["CALIBRATION_FACTORS", "Calibration", "calibration_factor"]
+__all__ = ["CALIBRATION_FACTORS", "CALIBRATION_LIMITS", "Calibration", "calibration_factor"]
 
 CALIBRATION_FACTORS = (
     "brightness-contrast",
@@ -43,6 +47,7 @@ CALIBRATION_FACTORS = (
     "distance-incidence",
     "resolution",
 )
+CALIBRATION_LIMITS = ("smallest_module_px", "largest_blur_modules")
 
 
 def calibration_factor(
@@ -75,11 +80,17 @@ def calibration_factor(
 
 @dataclass(frozen=True)
 class Calibration:
-    """Fitted weights of factors by name, and where they come from."""
+    """Fitted weights of noise factors and limits of detection, by name, and where they come from.
+
+    Attributes:
+        weights: by factor, of covariances (px² where the factor itself is a ratio).
+        limits: all of `CALIBRATION_LIMITS` (`pss.legibility.Legible`), or none.
+    """
 
     name: str
     weights: Mapping[str, float]
     provenance: Mapping[str, str | int | float]
+    limits: Mapping[str, float] = field(default_factory=dict)
 
     def factors(
         self,
@@ -97,6 +108,8 @@ class Calibration:
         """The file's text."""
         lines = [f"name = {_quoted(self.name)}", "", "[weights]"]
         lines += [f"{factor} = {float(weight)!r}" for factor, weight in self.weights.items()]
+        if self.limits:
+            lines += ["", "[limits]", *(f"{limit} = {float(value)!r}" for limit, value in self.limits.items())]
         lines += ["", "[provenance]"]
         lines += [
             f"{key} = {_quoted(value) if isinstance(value, str) else repr(value)}"
@@ -109,7 +122,7 @@ class Calibration:
         """Read a calibration.
 
         Raises:
-            RangeError: the file is missing or no TOML, or says something else than name, weights and provenance.
+            RangeError: the file is missing or no TOML, or says something else than weights, limits, name, provenance.
         """
         try:
             content: dict[str, Any] = tomllib.loads(Path(path).read_text(encoding="utf-8"))
@@ -117,8 +130,8 @@ class Calibration:
             raise RangeError(f"{path}: {error.strerror}; allowed: the path of a calibration (.toml)") from None
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise RangeError(f"{path}: no TOML ({error})") from None
-        if unknown := set(content) - {"name", "weights", "provenance"}:
-            raise RangeError(f"{path}: {sorted(unknown)[0]!r}; allowed: name, weights, provenance")
+        if unknown := set(content) - {"name", "weights", "limits", "provenance"}:
+            raise RangeError(f"{path}: {sorted(unknown)[0]!r}; allowed: name, weights, limits, provenance")
         weights = content.get("weights")
         if not isinstance(weights, dict) or not weights:
             raise RangeError(f"{path}: weights = {weights!r}; allowed: a table of {', '.join(CALIBRATION_FACTORS)}")
@@ -129,8 +142,18 @@ class Calibration:
                 raise RangeError(f"{path}: weights.{factor} = {weight!r}; allowed: 0 or more, finite")
         if not any(weights.values()):
             raise RangeError(f"{path}: all weights are 0; allowed: at least one above")
-        name = content.get("name", Path(path).stem)
-        return cls(str(name), {key: float(value) for key, value in weights.items()}, content.get("provenance", {}))
+        limits = content.get("limits", {})
+        if not isinstance(limits, dict) or (limits and set(limits) != set(CALIBRATION_LIMITS)):
+            raise RangeError(f"{path}: limits = {limits!r}; allowed: none, or {' and '.join(CALIBRATION_LIMITS)}")
+        for limit, value in limits.items():
+            if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
+                raise RangeError(f"{path}: limits.{limit} = {value!r}; allowed: above 0, finite")
+        return cls(
+            str(content.get("name", Path(path).stem)),
+            {key: float(value) for key, value in weights.items()},
+            content.get("provenance", {}),
+            {key: float(limits[key]) for key in CALIBRATION_LIMITS if limits},
+        )
 
 
 def _quoted(text: str) -> str:

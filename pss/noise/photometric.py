@@ -153,15 +153,5 @@ def _blur_variance(views: Views) -> Floats:
 def module_sides(appearance: Appearance, views: Views) -> tuple[Floats, Floats]:
     """px, a module's two sides in the image, (C, 2, N) each."""
     assert views.normals is not None
-    normals = views.normals
-    if appearance.along is None:
-        # Any direction in the surface would do; a horizontal one, and x where the surface itself is horizontal.
-        along = np.column_stack([-normals[:, 1], normals[:, 0], np.zeros(len(normals))])
-        flat = np.hypot(normals[:, 0], normals[:, 1]) < 1e-9
-        along[flat] = (1.0, 0.0, 0.0)
-    else:
-        along = np.asarray(appearance.along, dtype=float)
-        along = along - normals * (along * normals).sum(axis=1, keepdims=True)
-    along = along / np.linalg.norm(along, axis=1, keepdims=True)
-    module = np.broadcast_to(np.asarray(appearance.module_m), len(normals))[:, None]
-    return views.image_of(module * along), views.image_of(module * np.cross(normals, along))
+    across_m, down_m = appearance.sides_m(views.normals)
+    return views.image_of(across_m), views.image_of(down_m)

@@ -1,0 +1,161 @@
+"""A target is found as a whole or not at all: what it takes besides a line of sight to its centre.
+
+The paper's points are visible if the camera sees them (section 4.1; `pss.visibility`). A marker is more than its
+centre: it must be in view with its outline, nothing may stand before any part of it, and its modules must be large and
+sharp enough to be told apart. The first two are geometry; the limits of the third belong to a detector and are fitted
+(`Calibration.limits`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pss.errors import RangeError
+from pss.noise.calibrated import Calibration
+from pss.noise.photometric import module_sides
+from pss.photometry import Appearance
+from pss.surrogates import Shape, any_blocks
+from pss.views import Views
+from pss.visibility import CLEARANCE_M, VISIBILITY_TESTS, VisibilityTest
+
+__all__ = [
+    "TARGET_VISIBILITY",
+    "VISIBILITIES",
+    "Legible",
+    "WholeTarget",
+    "blur_modules",
+    "narrow_side_px",
+    "visibility_tests",
+    "within_limits",
+]
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+VISIBILITIES = ("point", "target")
+# Where on a target something may stand before it: corners and middles of the sides, in units of half a side.
+AROUND = ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1))
+CORNERS = ((-1, -1), (-1, 1), (1, -1), (1, 1))
+
+
+@dataclass(frozen=True)
+class WholeTarget:
+    """All of the target is in view, and nothing stands before its outline.
+
+    Attributes:
+        margin_modules: of the white around the target, what must be in view too: without any there is no outline to
+            be found. Nearly no marker is found with less than half a module, nearly all are with more.
+    """
+
+    margin_modules: float = 0.5
+    name: str = "whole-target"
+
+    def __post_init__(self) -> None:
+        if not self.margin_modules >= 0:
+            raise RangeError(f"WholeTarget.margin_modules = {self.margin_modules!r}; allowed: 0 or more, in modules")
+
+    def passed(self, views: Views, candidates: Bools, occluder: Sequence[Shape]) -> Bools:
+        """Where the whole target is seen, (C, N); False outside the candidates.
+
+        Raises:
+            RangeError: `views` has no appearance.
+        """
+        appearance = _appearance(self.name, views)
+        assert views.normals is not None
+        across_m, down_m = appearance.sides_m(views.normals)
+        half = appearance.modules / 2
+        clear = candidates.copy()
+        outer = half + self.margin_modules
+        for u, v in CORNERS:
+            clear &= Views(views.arrays, views.points_m + outer * (u * across_m + v * down_m)).in_frustum
+        if not occluder:
+            return clear
+        for u, v in AROUND:
+            camera, point = np.nonzero(clear)
+            ends = views.points_m + half * (u * across_m + v * down_m) + CLEARANCE_M * views.normals
+            clear[camera, point] = ~any_blocks(occluder, views.arrays.position_m[camera], ends[point])
+        return clear
+
+
+@dataclass(frozen=True)
+class Legible:
+    """The target's modules are large enough and sharp enough to be told apart by a detector.
+
+    Attributes:
+        smallest_module_px: px, of a module's narrow side (`narrow_side_px`).
+        largest_blur_modules: of the circle of confusion over that side.
+    """
+
+    smallest_module_px: float
+    largest_blur_modules: float
+    name: str = "legible"
+
+    def __post_init__(self) -> None:
+        for name in ("smallest_module_px", "largest_blur_modules"):
+            if not getattr(self, name) > 0:
+                raise RangeError(f"Legible.{name} = {getattr(self, name)!r}; allowed: above 0")
+
+    def passed(self, views: Views, candidates: Bools, occluder: Sequence[Shape]) -> Bools:
+        """Where it is legible, (C, N).
+
+        Raises:
+            RangeError: `views` has no appearance.
+        """
+        _appearance(self.name, views)
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            large = narrow_side_px(views) >= self.smallest_module_px
+            return np.asarray(candidates & large & (blur_modules(views) <= self.largest_blur_modules))
+
+
+TARGET_VISIBILITY: tuple[VisibilityTest, ...] = (*VISIBILITY_TESTS, WholeTarget())
+
+
+def visibility_tests(name: str | Path) -> tuple[VisibilityTest, ...]:
+    """The visibility tests called `name`, for `pss.evaluate(…, visibility=…)`.
+
+    "point" is the paper's: a line of sight to the point. "target" asks for the whole target. The path of a calibration
+    (.toml) asks for what its detector needs besides; one without limits is "target".
+
+    Raises:
+        RangeError: an unknown name, or a file that is no calibration.
+    """
+    if name == "point":
+        return VISIBILITY_TESTS
+    if name == "target":
+        return TARGET_VISIBILITY
+    if not str(name).endswith(".toml"):
+        raise RangeError(f"visibility {name!r}; allowed: {', '.join(VISIBILITIES)}, or a calibration's path (.toml)")
+    return within_limits(Calibration.from_file(name).limits)
+
+
+def within_limits(limits: Mapping[str, float]) -> tuple[VisibilityTest, ...]:
+    """Whole targets that are legible by a calibration's limits, if it has any."""
+    if not limits:
+        return TARGET_VISIBILITY
+    return (*TARGET_VISIBILITY, Legible(limits["smallest_module_px"], limits["largest_blur_modules"]))
+
+
+def narrow_side_px(views: Views) -> Floats:
+    """px, (C, N), distance of a module's two longer sides in the image."""
+    across, down = module_sides(_appearance("legible", views), views)
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        area = np.abs(across[:, 0] * down[:, 1] - across[:, 1] * down[:, 0])
+        longer = np.maximum(np.hypot(across[:, 0], across[:, 1]), np.hypot(down[:, 0], down[:, 1]))
+        return np.asarray(area / longer)
+
+
+def blur_modules(views: Views) -> Floats:
+    """(C, N), the circle of confusion over a module's narrow side."""
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        return np.asarray(views.circle_of_confusion_px / narrow_side_px(views))
+
+
+def _appearance(name: str, views: Views) -> Appearance:
+    if views.appearance is None:
+        raise RangeError(f"visibility test {name!r} has no appearance; allowed: evaluate(…, appearance=…)")
+    return views.appearance

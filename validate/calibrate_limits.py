@@ -1,0 +1,82 @@
+"""Fit the limits of detection to who was found on training views: the smallest module and the largest blur.
+
+Only targets count that are in view as a whole with nothing before them: the rest is geometry and needs no fit. The
+limits are those by which most detections and misses are told right. The result is judged on other views.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pss import RangeError
+from pss.legibility import TARGET_VISIBILITY, blur_modules, narrow_side_px
+from pss.surrogates import Shape
+from pss.views import Views
+from pss.visibility import visible_in
+
+__all__ = ["FittedLimits", "fit_limits"]
+
+Floats = NDArray[np.float64]
+
+# Steps that are finer than what some hundred markers near a limit tell.
+SMALLEST_MODULES_PX = np.arange(10, 61) / 10
+LARGEST_BLURS = np.arange(4, 61) / 20
+
+
+@dataclass(frozen=True)
+class FittedLimits:
+    """The limits, and how they tell the pairs of view and marker that they were fitted to.
+
+    Attributes:
+        found_within, found_beyond: share of the trials in which markers within and beyond the limits were found.
+        pairs: how many, within and beyond.
+    """
+
+    smallest_module_px: float
+    largest_blur_modules: float
+    found_within: float
+    found_beyond: float
+    pairs: tuple[int, int]
+
+    @property
+    def limits(self) -> dict[str, float]:
+        """As a calibration has them."""
+        return {
+            "smallest_module_px": self.smallest_module_px,
+            "largest_blur_modules": self.largest_blur_modules,
+        }
+
+
+def fit_limits(views: Views, occluders: tuple[Shape, ...], detection_rate: Floats) -> FittedLimits:
+    """The limits by which most of the trials are told right.
+
+    Args:
+        views: of the training cameras, with normals and appearance.
+        detection_rate: share of the trials in which each view found each marker, (V, N).
+
+    Raises:
+        RangeError: no target is seen as a whole.
+    """
+    whole = visible_in(views, occluders, TARGET_VISIBILITY)
+    if not whole.any():
+        raise RangeError("no view has a whole marker in it; allowed: at least one to fit limits of detection to")
+    module, blur, rate = narrow_side_px(views)[whole], blur_modules(views)[whole], detection_rate[whole]
+    # What is told right: what is found of those within the limits, what is missed of those beyond.
+    large, sharp = module >= SMALLEST_MODULES_PX[:, None], blur <= LARGEST_BLURS[:, None]
+    gain = (large * (2 * rate - 1)) @ sharp.T.astype(float)
+    # Several are alike where no marker lies between them: the middle one, first of the modules, then of the blurs.
+    rows, columns = np.nonzero(gain >= gain.max() - 1e-9)
+    row = int(np.median(np.unique(rows)))
+    row = int(rows[np.abs(rows - row).argmin()])
+    column = int(np.sort(columns[rows == row])[(rows == row).sum() // 2])
+    within = large[row] & sharp[column]
+    return FittedLimits(
+        float(SMALLEST_MODULES_PX[row]),
+        float(LARGEST_BLURS[column]),
+        float(rate[within].mean()) if within.any() else float("nan"),
+        float(rate[~within].mean()) if (~within).any() else float("nan"),
+        (int(within.sum()), int((~within).sum())),
+    )
