@@ -10,14 +10,16 @@ import scipy.stats
 
 from pss import NoiseModel, PTZCamera, RandomWalk, evaluate, noise_model
 from pss.riccati import steady_state_covariance_from_information
+from pss.visibility import VISIBILITY_TESTS
 from scenes import load_scene
 from tests.conftest import ROOM_FILE
 from validate.bank.consistency import anisotropy, crossed_mean, of_errors, sandwich
 from validate.bank.design import BankDesign, draw_configurations, held_out_views, training_views
 from validate.bank.measured import BankData, measure_all
 from validate.bank.phase import LARGEST_TURN_PX, carried_back, joined, turned
-from validate.bank.predicted import GivenCovariance, PredictionTask, predict_all
+from validate.bank.predicted import Contender, GivenCovariance, PredictionTask, predict_all
 from validate.bank.ranking import Judged, Resamples, judge_against, partial, regrets, top_hits
+from validate.bank.sensitivity import variants
 from validate.bank.verdict import CountVerdict, leaderboard, yardsticks
 from validate.intervals import weighted_spearman
 from validate.measure import ViewMeasurement
@@ -135,10 +137,11 @@ def test_the_right_covariance_ranks_and_is_consistent(room, small):
     """With the true R as a table: ρ near 1, NEES 1, coverage as asked; with R = I neither."""
     bank, data, sigma = small
     table = np.broadcast_to((sigma**2)[:, None, None, None] * np.eye(2), (len(sigma), len(data.points_m), 2, 2))
-    models = (NoiseModel("true", (GivenCovariance(bank.cameras, table),)), noise_model("identity"))
+    true = Contender("true", NoiseModel("true", (GivenCovariance(bank.cameras, table),)))
+    contenders = (true, Contender("identity", noise_model("identity")))
     state = room.state
     task = PredictionTask(
-        bank.cameras, state.points_m, state.normals, state.occluders, None, data.process, models,
+        bank.cameras, state.points_m, state.normals, state.occluders, None, data.process, contenders,
         {"true": ("visible-share", "visibility-count"), "identity": ("visible-share",)},
     )  # fmt: skip
     chosen = draw_configurations([c.name for c in bank.cameras], 4, 60, np.random.default_rng(7))
@@ -218,13 +221,12 @@ def test_undefined_statistics_have_no_interval():
 def test_regret_of_a_perfect_and_of_a_blind_choice():
     """The truth itself loses nothing; a constant score is charged the average; a nan is never chosen."""
     truth = np.arange(1.0, 101.0)
-    rng = np.random.default_rng(13)
-    perfect, oracle = regrets(truth, (truth, truth), 20, rng)
+    perfect, oracle = regrets(truth, (truth, truth), 20)
     assert perfect.max() == oracle.max() == 0
-    blind, _ = regrets(np.zeros(100), (truth, truth), 100, rng, draws=3)
+    blind, _ = regrets(np.zeros(100), (truth, truth), 100, draws=3)
     np.testing.assert_allclose(blind, 1 - truth.mean() / 100)
     unknown = np.where(truth > 99, np.nan, truth)
-    lost, _ = regrets(unknown, (truth, truth), 100, rng, draws=2)
+    lost, _ = regrets(unknown, (truth, truth), 100, draws=2)
     np.testing.assert_allclose(lost, 0.01)
 
 
@@ -298,3 +300,26 @@ def test_intervals_cover_the_truth():
     low, high = judged.interval
     assert (0.5 - low, high - 0.5) == (pytest.approx(0.392, abs=0.02), pytest.approx(0.392, abs=0.02))
     assert float(weighted_spearman(np.arange(5.0), np.arange(5.0))) == pytest.approx(1)
+
+
+# ---- the open constants ----------------------------------------------------------------------------------------------
+
+
+def test_variants_of_the_papers_models(room):
+    """Each constant down, as it is and up; each factor by itself; as it is, the model is the scene's own."""
+    named = variants(room, VISIBILITY_TESTS)
+    assert len({contender.name for _, contender in named}) == len(named) == 2 * (2 * 3 + 4)
+    camera, points, normals = room.cameras[0], room.state.points_m[:5], room.state.normals[:5]
+    usual = noise_model("corrected", ccd_noise=room.sensor.ccd_noise).covariance(camera, points, normals)
+    by_name = {contender.name: contender.noise for _, contender in named}
+    for constant in ("px2_per_m2", "ccd_noise"):
+        np.testing.assert_array_equal(by_name[f"corrected, {constant} × 1"].covariance(camera, points, normals), usual)
+        more, less = (
+            by_name[f"corrected, {constant} × {times:g}"].covariance(camera, points, normals) for times in (10, 0.1)
+        )
+        assert (np.trace(more, axis1=1, axis2=2) > np.trace(less, axis1=1, axis2=2)).all()
+    alone = {f.name for f in by_name["as-printed, defocus alone"].factors}
+    assert alone == {"defocus"}
+    distance, incidence = (by_name[f"corrected, {part} alone"].factors[0] for part in ("distance", "incidence"))
+    assert (distance.distance, distance.incidence) == (True, False)
+    assert (incidence.distance, incidence.incidence) == (False, True)

@@ -1,4 +1,4 @@
-"""docs/findings.md says what the tables in results/reference/bank say, to the letter."""
+"""docs/findings.md says what the tables in results/reference say, to the letter."""
 
 from __future__ import annotations
 
@@ -7,36 +7,89 @@ from pathlib import Path
 
 import pytest
 
-from validate.bank.findings import findings, read_tables
+from validate.findings.bank import bank_findings
+from validate.findings.calibration_error import calibration_error_findings
+from validate.findings.factors import factor_findings
+from validate.findings.page import findings_page
+from validate.findings.tables import read_tables
 
 ROOT = Path(__file__).parents[1]
-TABLES = ROOT / "results" / "reference" / "bank"
+REFERENCE = ROOT / "results" / "reference"
 
 
 @pytest.fixture(scope="module")
 def tables():
-    return read_tables(TABLES)
+    return read_tables(REFERENCE / "bank")
 
 
-def test_the_page_is_made_from_the_tables(tables):
-    """Every sentence of the bank's findings stands on the page as the command writes it."""
+def test_the_page_is_made_from_the_tables():
+    """`python -m validate.findings > docs/findings.md` changes nothing."""
     page = (ROOT / "docs" / "findings.md").read_text(encoding="utf-8")
-    assert findings(tables) in page
+    assert page == findings_page(REFERENCE)
+    for heading in ("In more and in less light", "One factor at a time", "If the calibration is wrong"):
+        assert f"## {heading}" in page
 
 
 def test_another_number_is_another_page(tables):
     """The sentences follow the tables: a changed figure shows."""
-    text = findings(tables)
+    text = bank_findings(tables)
     changed = {name: [dict(row) for row in rows] for name, rows in tables.items()}
     for row in changed["leaderboard"]:
         row["spearman"] = "0.123" if row["spearman"] else ""
-    assert findings(changed).count("0.12 [") > 10 > text.count("0.12 [")
+    assert bank_findings(changed).count("0.12 [") > 10 > text.count("0.12 [")
 
 
 def test_every_finding_has_a_number(tables):
     """A sentence without a figure is none."""
-    lines = [line for line in findings(tables).splitlines() if line.startswith("- ")]
+    lines = [line for line in bank_findings(tables).splitlines() if line.startswith("- ")]
     assert len(lines) > 25
     without = [line for line in lines if not re.search(r"\d", line)]
     assert len(without) == 1
     assert without[0].startswith("- The oracle's R are the pixel errors of one half of the trials")
+
+
+def test_factors_by_hand():
+    """Two sweeps, two models: who is inside the interval, who has the wrong sign."""
+    measured = {"measured_slope": "-0.5", "measured_slope_ci_low": "-0.6", "measured_slope_ci_high": "-0.4"}
+    rows = [
+        {"sweep": sweep, "noise_model": model, "predicted_slope": slope, **measured}
+        for sweep, model, slope in (
+            ("exposure", "physical", "-0.55"),
+            ("exposure", "corrected", "0.1"),
+            ("exposure", "as-printed", "-0.3"),
+            ("mine", "physical", "-0.2"),
+            ("mine", "corrected", "-0.5"),
+            ("mine", "as-printed", "-0.5"),
+        )
+    ]
+    text = factor_findings(rows)
+    assert "| exposure time | exposure | −0.50 [−0.60, −0.40] | −0.55 | 0.10 | −0.30 |" in text
+    assert "- physical: the slope lies in the measured one's interval in 1 of 2 sweeps, and is off by 0.30" in text
+    assert text.count("wrong sign") == 1
+    assert "wrong sign in exposure." in text
+
+
+def test_calibration_errors_by_hand():
+    """The smallest error that costs more than a tenth of ρ is named, and what a term for it gives back."""
+
+    def row(pan: float, focal: float, place: float, plain: float, term: float) -> dict[str, str]:
+        content = {"pan_tilt_deg": pan, "focal_share": focal, "position_m": place, "n": 200, "median_rms_m": 1e-3}
+        for name, value in (("plain", plain), ("with_term", term), ("gain", term - plain)):
+            content |= {f"spearman_{name}{end}": value for end in ("", "_low", "_high")}
+        return {key: str(value) for key, value in content.items()}
+
+    text = calibration_error_findings(
+        [
+            row(0, 0, 0, 0.97, 0.97),
+            row(0.01, 0, 0, 0.95, 0.96),
+            row(0.02, 0, 0, 0.8, 0.9),
+            row(0.05, 0, 0, 0.7, 0.9),
+            row(0, 0.001, 0, 0.9, 0.9),
+            row(0, 0, 0.002, 0.5, 0.9),
+            row(0.1, 0.005, 0.005, 0.4, 0.8),
+        ]
+    )
+    assert "- Pan and tilt: from 0.02° on, ρ has lost more than 0.1 (0.80 [0.80, 0.80]); with a term" in text
+    assert "- Focal length: up to 0.1 %, ρ loses no more than 0.1 (0.90 [0.90, 0.90])." in text
+    assert "- Place: from 2 mm on" in text
+    assert "- With all three of 0.1°, 0.5 %, 5 mm, ρ = 0.40 [0.40, 0.40], and with a term for them in R 0.80" in text

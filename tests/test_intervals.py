@@ -16,7 +16,9 @@ from validate.intervals import (
     oracle_regret,
     pearson_log,
     regret,
+    spearman_of_groups,
     sweep_replicates,
+    tie_groups,
     weighted_spearman,
 )
 
@@ -60,6 +62,8 @@ def test_whole_weights_repeat_the_pairs(rng):
     repeated = scipy.stats.spearmanr(np.repeat(x, weights), np.repeat(y, weights)).statistic
     assert weighted_spearman(x, y, weights) == pytest.approx(repeated, rel=SAME_TO_ROUNDING)
     assert weighted_spearman(x, y, 0.01 * weights) == pytest.approx(repeated, rel=SAME_TO_ROUNDING)
+    of_groups = spearman_of_groups(tie_groups(x), tie_groups(y), np.asarray(weights, dtype=float))
+    assert of_groups == pytest.approx(repeated, rel=SAME_TO_ROUNDING)
 
 
 def test_a_batch_is_its_rows(rng):

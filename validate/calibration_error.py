@@ -80,15 +80,16 @@ class CalibrationSizes:
         return not self.sigmas.any()
 
 
-# One kind of error at a time, then all together, from a careful calibration to a rough one. Assumed, as of real PTZ
-# cameras: pan and tilt come back to 0.01 to 0.1 degrees, focal length to 0.05 to 0.5 %, places are known to 1 to 5 mm.
+# One kind of error at a time, then all together. Assumed of real PTZ cameras: pan and tilt come back to 0.01 to 0.1
+# degrees, focal length to 0.05 to 0.5 %, places are known to 1 to 5 mm. What is below is where the ranking changes.
 PTZ_SIZES = (
     CalibrationSizes(),
-    *(CalibrationSizes(pan_tilt_deg=size) for size in (0.01, 0.02, 0.05, 0.1)),
-    *(CalibrationSizes(focal_share=size) for size in (0.0005, 0.001, 0.002, 0.005)),
-    *(CalibrationSizes(position_m=size) for size in (0.001, 0.002, 0.005)),
+    *(CalibrationSizes(pan_tilt_deg=size) for size in (0.0001, 0.0003, 0.001, 0.003, 0.01, 0.05, 0.1)),
+    *(CalibrationSizes(focal_share=size) for size in (1e-5, 3e-5, 1e-4, 3e-4, 0.0005, 0.002, 0.005)),
+    *(CalibrationSizes(position_m=size) for size in (1e-5, 3e-5, 1e-4, 3e-4, 0.001, 0.005)),
+    CalibrationSizes(0.0001, 1e-5, 1e-5),
+    CalibrationSizes(0.001, 1e-4, 1e-4),
     CalibrationSizes(0.01, 0.0005, 0.001),
-    CalibrationSizes(0.02, 0.001, 0.002),
     CalibrationSizes(0.05, 0.002, 0.003),
     CalibrationSizes(0.1, 0.005, 0.005),
 )

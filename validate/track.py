@@ -47,11 +47,14 @@ class Tracked:
     Attributes:
         prior_moment_m2: m², (N, 3, 3), second moment E[eeᵀ] of the a-priori (predicted) position.
         posterior_moment_m2: m², (N, 3, 3), of the a-posteriori (updated) position.
+        prior_errors_m, posterior_errors_m: m, (runs, N, 3), the errors themselves in the last frame of each run.
         steps: frames run, those of settling included.
     """
 
     prior_moment_m2: Floats
     posterior_moment_m2: Floats
+    prior_errors_m: Floats
+    posterior_errors_m: Floats
     steps: int
 
 
@@ -96,17 +99,17 @@ def track_static(
         raise RangeError(f"runs = {runs}; allowed: at least 1")
     information, pull = _trial_information(cameras, points, np.asarray(pixels, dtype=float), detected, weight)
 
-    moments = np.full((2, len(points), 3, 3), np.nan)
+    moments, last = np.full((2, len(points), 3, 3), np.nan), np.full((2, runs, len(points), 3), np.nan)
     item, start = _start(information, drawable, process)
     if not item.size:
-        return Tracked(*moments, steps=0)
+        return Tracked(*moments, *last, steps=0)
     mean_information = _embed(_mean_over(information, drawable)[item], process.states)
     slowest = _time_constant_frames(process.A, start, mean_information)
     settling = max(FEWEST_SETTLING_FRAMES, math.ceil(SETTLING_TIME_CONSTANTS * slowest))
     averaged = max(FEWEST_AVERAGED_FRAMES, math.ceil(AVERAGED_TIME_CONSTANTS * slowest))
     draws = _Draws(information[:, item], pull[:, item], drawable[:, item], rng)
-    moments[:, item] = _run(process, start, draws, rng, runs, settling, averaged)
-    return Tracked(*moments, steps=settling + averaged)
+    moments[:, item], last[:, :, item] = _run(process, start, draws, rng, runs, settling, averaged)
+    return Tracked(*moments, *last, steps=settling + averaged)
 
 
 def _trial_information(
@@ -179,13 +182,16 @@ def _run(
     runs: int,
     settling: int,
     averaged: int,
-) -> Floats:
-    """m², the second moments before and after the update, averaged over runs and the last frames, (2, V, 3, 3)."""
+) -> tuple[Floats, Floats]:
+    """m², second moments before and after the update, averaged over runs and the last frames, (2, V, 3, 3).
+
+    Beside them m, the errors in the last frame, (2, runs, V, 3).
+    """
     A, Q, states = process.A, process.Q, process.states
     step_root, shape = _root(Q), (runs, len(start), states)
     prior = np.broadcast_to(start, (runs, *start.shape))
     error = (_root(start) @ rng.standard_normal(shape)[..., None])[..., 0]
-    moments = np.zeros((2, len(start), 3, 3))
+    moments, last = np.zeros((2, len(start), 3, 3)), np.zeros((2, runs, len(start), 3))
     for frame in range(settling + averaged):
         information, pull = draws(runs)
         position = prior[..., :3, :3]
@@ -194,13 +200,14 @@ def _run(
         posterior = prior - prior[..., :3] @ (gain @ prior[..., :3, :])
         surprise = pull[..., None] - information @ error[..., :3, None]
         updated = error + (posterior[..., :3] @ surprise)[..., 0]  # e⁺ = (I − P⁺Λ) e⁻ + P⁺ y
+        last[0], last[1] = error[..., :3], updated[..., :3]
         if frame >= settling:
             for moment, e in zip(moments, (error, updated), strict=True):
                 moment += np.einsum("rvi,rvj->vij", e[..., :3], e[..., :3])
         error = updated @ A.T - rng.standard_normal(shape) @ step_root.T  # e⁻ ← A e⁺ − w
         prior = A @ posterior @ A.T + Q
         prior = (prior + prior.mT) / 2  # rounding must not gather over the frames
-    return moments / (runs * averaged)
+    return moments / (runs * averaged), last
 
 
 def _root(covariance: Floats) -> Floats:

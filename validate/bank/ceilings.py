@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from pss import NoiseModel
 from pss.covariances import root_trace
 from pss.views import Views
+from pss.visibility import VisibilityTest
 from render.view import random_stream
 from validate.acquire import Acquired
 from validate.bank.consistency import of_errors, pooled_spearman, root_trace_of
 from validate.bank.design import ViewBank
 from validate.bank.measured import BankData, residual_moments
-from validate.bank.predicted import GivenCovariance, PredictionTask, predict_all
+from validate.bank.predicted import Contender, GivenCovariance, GivenVisibility, PredictionTask, predict_all
 from validate.bank.ranking import Judged, Resamples, judge_against, with_interval
 from validate.bank.study import appearance_of
 from validate.bank.verdict import RESAMPLES, CountVerdict, single_frame_terms
@@ -27,6 +28,7 @@ Row = dict[str, object]
 
 # A view is known to find a marker if it does so in this share of the trials.
 FOUND_SHARE = 0.5
+KNOWN = "known"
 
 
 def oracle_rows(bank: ViewBank, data: BankData, verdict: CountVerdict, rng: np.random.Generator) -> list[Row]:
@@ -41,15 +43,28 @@ def oracle_rows(bank: ViewBank, data: BankData, verdict: CountVerdict, rng: np.r
     terms = [np.array([errors.inverse_sigma for errors in half]) for half in measured]
     rms = [np.array([errors.rms_m for errors in half]) for half in measured]
     found, pooled, ratios = [], [], []
-    for half, other in ((0, 1), (1, 0)):
-        model = NoiseModel("oracle", (GivenCovariance(bank.cameras, residual_moments(halves[half])),))
-        task = PredictionTask(
-            bank.cameras, state.points_m, state.normals, state.occluders, None, data.process, (model,), {"oracle": ()}
+    contenders = tuple(
+        Contender(
+            f"oracle {half}",
+            NoiseModel("oracle", (GivenCovariance(bank.cameras, residual_moments(residuals)),)),
         )
-        predicted = predict_all(task, verdict.configurations.tolist())
-        oracle = CountVerdict(verdict.cameras, verdict.configurations, verdict.measured, predicted)
-        found.append(judge_against(oracle.terms("oracle", "pss-single-frame"), terms[other], chance))
-        expected = np.array([root_trace(p["oracle"].covariance_m2) for p in predicted])
+        for half, residuals in enumerate(halves)
+    )
+    task = PredictionTask(
+        bank.cameras,
+        state.points_m,
+        state.normals,
+        state.occluders,
+        None,
+        data.process,
+        contenders,
+        {contender.name: () for contender in contenders},
+    )
+    predicted = predict_all(task, verdict.configurations.tolist())
+    oracle = CountVerdict(verdict.cameras, verdict.configurations, verdict.measured, predicted)
+    for contender, other in zip(contenders, (1, 0), strict=True):
+        found.append(judge_against(oracle.terms(contender.name, "pss-single-frame"), terms[other], chance))
+        expected = np.array([root_trace(p[contender.name].covariance_m2) for p in predicted])
         pooled.append(pooled_spearman(expected, rms[other], chance))
         ratio = np.log(expected / rms[other])
         ratios.append(float(np.median(np.abs(ratio[np.isfinite(ratio)]))))
@@ -64,47 +79,51 @@ def oracle_rows(bank: ViewBank, data: BankData, verdict: CountVerdict, rng: np.r
 
 
 def parts_rows(
-    bank: ViewBank, data: BankData, verdict: CountVerdict, models: Sequence[NoiseModel], acquired: Acquired
+    bank: ViewBank,
+    data: BankData,
+    verdict: CountVerdict,
+    models: Sequence[NoiseModel],
+    visibilities: Mapping[str, tuple[VisibilityTest, ...]],
+    acquired: Acquired,
 ) -> list[Row]:
     """Parts of the prediction exchanged for what was measured, one at a time: which of them holds it back?
 
-    Each R as it is, then the same R for a prediction that knows which views find which marker (in half of the trials or
-    more), then the pixel errors themselves as R (of the same trials: the upper end, and no prediction).
+    Each R with each kind of visibility, then for a prediction that knows which views find which marker (in half of the
+    trials or more), then the pixel errors themselves as R (of the same trials: the upper end, and no prediction).
     """
     state = bank.scene.state
     views = Views(list(bank.cameras), state.points_m, state.normals, appearance_of(bank.scene, acquired))
-    found = (data.detected.mean(axis=1) >= FOUND_SHARE)[..., None, None]
-    tables: list[tuple[str, NoiseModel | None, Floats | None]] = [(model.name, model, None) for model in models]
-    for model in models:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            covariance = np.broadcast_to(
-                model.of_views(views).matrix(len(bank.cameras), len(state.points_m)), (*found.shape[:2], 2, 2)
-            )
-        tables.append((f"{model.name}, detection known", None, np.where(found, covariance, np.nan)))
-    moments = residual_moments(data.residuals())
-    tables.append(("measured pixel errors, detection known", None, np.where(found, moments, np.nan)))
+    found = (GivenVisibility(bank.cameras, data.detected.mean(axis=1) >= FOUND_SHARE),)
+    moments = GivenCovariance(bank.cameras, residual_moments(data.residuals()))
+    parts = [(model, kind, tests) for model in models for kind, tests in (*visibilities.items(), (KNOWN, found))]
+    parts.append((NoiseModel("measured pixel errors", (moments,)), KNOWN, found))
+    contenders = tuple(Contender(f"{model.name}, {kind}", model, tests) for model, kind, tests in parts)
+    task = PredictionTask(
+        bank.cameras,
+        state.points_m,
+        state.normals,
+        state.occluders,
+        views.appearance,
+        data.process,
+        contenders,
+        {contender.name: () for contender in contenders},
+    )
+    predictions = predict_all(task, verdict.configurations.tolist())
     rng = random_stream(data.seed, bank.scene.path.name, f"parts of {verdict.cameras}")
     chance = Resamples.drawn(verdict.configurations, len(state.points_m), rng, RESAMPLES)
     errors = np.array([f.errors.errors_m for f in verdict.measured])
     rms = np.array([f.errors.rms_m for f in verdict.measured])
     terms = np.array([f.errors.inverse_sigma for f in verdict.measured])
     rows = []
-    for name, model, table in tables:
-        if model is not None:
-            predicted = [p[name] for p in verdict.predicted]
-        else:
-            assert table is not None
-            known = NoiseModel(name, (GivenCovariance(bank.cameras, table),))
-            task = PredictionTask(
-                bank.cameras, state.points_m, state.normals, state.occluders, None, data.process, (known,), {name: ()}
-            )
-            predicted = [p[name] for p in predict_all(task, verdict.configurations.tolist())]
+    for contender, (model, kind, _) in zip(contenders, parts, strict=True):
+        predicted = [of_all[contender.name] for of_all in predictions]
         covariance = np.array([p.covariance_m2 for p in predicted])
         ranked = judge_against(np.array([single_frame_terms(p) for p in predicted]), terms, chance)
         rows.append(
             {
                 "cameras": verdict.cameras,
-                "prediction": name,
+                "noise_model": model.name,
+                "visibility": kind,
                 **with_interval("spearman", ranked),
                 **of_errors(errors, covariance).row(chance),
                 **with_interval("point_spearman", pooled_spearman(root_trace_of(covariance), rms, chance)),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Literal
@@ -18,15 +19,25 @@ from render import backend
 from render.view import random_stream
 from scenes import load_scene
 from scenes.sweep_file import SWEEPS
-from validate.acquire import Acquired, acquire
+from validate.acquire import Acquired
 from validate.bank.ceilings import oracle_rows, parts_rows
 from validate.bank.design import BankDesign, ViewBank, held_out_views, training_views
-from validate.bank.findings import findings, read_tables
-from validate.bank.levels import consistency_rows, detection_row, pixel_rows
-from validate.bank.study import asked_pairs, calibrated, data_of, scene_models, verdict_of
+from validate.bank.levels import blunder_row, consistency_rows, detection_rows, pixel_rows
+from validate.bank.prepare import acquire_banks, calibrate
+from validate.bank.sensitivity import sensitivity_rows
+from validate.bank.study import (
+    asked_pairs,
+    data_of,
+    noise_models,
+    scene_contenders,
+    verdict_of,
+    visibilities,
+)
 from validate.bank.verdict import leaderboard
-from validate.progress import ViewProgress, clock
-from validate.store import Store, write_text
+from validate.findings.bank import bank_findings
+from validate.findings.tables import read_tables
+from validate.progress import clock
+from validate.store import write_text
 from validate.tables import write_csv
 
 __all__ = ["run"]
@@ -80,22 +91,19 @@ def run(
     second_path = second_scene or SWEEPS.parent / SECOND_SCENE
     second = held_out_views(load_scene(second_path), design, chosen.identity) if second_path.exists() else None
     banks = [bank for bank in (training, held_out, second) if bank is not None]
-    wanted = [item for bank in banks for item in bank.wanted]
-    acquired = acquire(wanted, Store(store), chosen, lambda total: ViewProgress(total, errors))
-    for key, cause in acquired.failed.items():
-        errors.print(f"view {key} failed: {cause}", markup=False, style="red")
-    if acquired.failed:
+    acquired = acquire_banks(banks, store, chosen, errors)
+    if acquired is None:
         return 1
     after_views = time.perf_counter()
-    calibration = _calibrate(training, acquired, design, out)
-    tables = judge(held_out, acquired, calibration, configurations, design.seed, COUNTS)
+    calibration = calibrate(training, acquired, design, out)
+    tables = judge(held_out, acquired, calibration, configurations, design.seed, COUNTS, errors.print)
     if second is not None:
-        other = judge(second, acquired, calibration, configurations, design.seed, (HEADLINE,))
+        other = judge(second, acquired, calibration, configurations, design.seed, (HEADLINE,), errors.print)
         for name, rows in other.items():
             tables[f"{second.scene.path.stem}-{name}"] = rows
     for name, rows in tables.items():
         write_csv(out / f"{name}.csv", rows)
-    write_text(out / "findings.md", findings(read_tables(out)))
+    write_text(out / "findings.md", bank_findings(read_tables(out)))
     seconds = {"views": after_views - begin, "total": time.perf_counter() - begin}
     content = {
         "design": asdict(design),
@@ -108,31 +116,13 @@ def run(
     }
     write_text(out / "run.json", json.dumps(content, indent=2) + "\n")
     _show(tables, calibration, console)
+    renders, views = (sum(counts) for counts in zip(*((len(b.wanted), len(b.views)) for b in banks), strict=True))
     console.print(
-        f"{len(wanted)} renders ({acquired.rendered} now) of {sum(len(bank.views) for bank in banks)} views in "
-        f"{clock(seconds['total'])}, {clock(seconds['total'] - seconds['views'])} after the views; results in {out}",
+        f"{renders} renders ({acquired.rendered} now) of {views} views in {clock(seconds['total'])}, "
+        f"{clock(seconds['total'] - seconds['views'])} after the views; results in {out}",
         markup=False,
     )
     return 0
-
-
-def _calibrate(training: ViewBank, acquired: Acquired, design: BankDesign, out: Path) -> Calibration:
-    data = data_of(training, acquired, design.seed)
-    fitted = calibrated(training, data, acquired, {})
-    provenance: dict[str, str | int | float] = {
-        "scene": training.scene.path.name,
-        "views": len(training.views),
-        "renders_of_each": design.turns,
-        "trials_of_each": design.trials,
-        "seed": design.seed,
-        "moments": fitted.moments,
-        "left_out_as_blunders": fitted.left_out,
-        "deviance_per_moment": fitted.deviance / fitted.moments,
-        "fitted_by": "python validate/run_sweep.py bank",
-    }
-    calibration = Calibration("calibrated", fitted.weights, provenance)
-    write_text(out / "calibrated.toml", calibration.to_toml())
-    return calibration
 
 
 def judge(
@@ -142,22 +132,28 @@ def judge(
     configurations: int,
     seed: int,
     counts: tuple[int, ...],
+    tell: Callable[[str], None] = lambda line: None,
 ) -> dict[str, list[Row]]:
-    """All tables of a held-out bank, by name."""
+    """All tables of a held-out bank, by name; `tell` hears what is being done."""
     data = data_of(bank, acquired, seed)
-    models = scene_models(bank.scene, calibration)
+    models, contenders = noise_models(bank.scene, calibration), scene_contenders(bank.scene, calibration)
     rows: dict[str, list[Row]] = {"leaderboard": [], "ceiling": [], "consistency": [], "detection": [], "parts": []}
+    rows |= {"sensitivity": [], "blunders": []}
     rows["consistency"] += pixel_rows(bank, data, acquired, models)
     for count in counts:
+        tell(f"{bank.scene.path.stem}: judging {configurations} configurations of {count} cameras")
         rng = random_stream(seed, bank.scene.path.name, f"verdict of {count}")
-        verdict = verdict_of(bank, data, acquired, models, count, configurations, seed, filtered=count == HEADLINE)
+        verdict = verdict_of(bank, data, acquired, contenders, count, configurations, seed, filtered=count == HEADLINE)
         rows["leaderboard"] += leaderboard(verdict, asked_pairs(), rng)
         rows["ceiling"] += oracle_rows(bank, data, verdict, rng)
-        rows["consistency"] += consistency_rows(verdict, bank, data, models, acquired)
+        rows["blunders"].append(blunder_row(verdict))
+        rows["consistency"] += consistency_rows(verdict, bank, data, contenders, acquired)
         if count == HEADLINE:
-            rows["detection"].append(detection_row(bank, data, verdict))
+            visible = visibilities(calibration)
+            rows["detection"] += detection_rows(bank, data, verdict, visible, acquired)
+            rows["sensitivity"] += sensitivity_rows(bank, data, verdict, visible["points"], acquired)
             named = [model for model in models if model.name in PARTS_OF]
-            rows["parts"] += parts_rows(bank, data, verdict, named, acquired)
+            rows["parts"] += parts_rows(bank, data, verdict, named, visible, acquired)
     # The pixel level has fewer columns; every row of a file has all of them.
     columns = list(dict.fromkeys(key for row in rows["consistency"] for key in row))
     rows["consistency"] = [{key: row.get(key, float("nan")) for key in columns} for row in rows["consistency"]]
@@ -167,7 +163,8 @@ def judge(
 def _show(tables: dict[str, list[Row]], calibration: Calibration, console: Console) -> None:
     """Print the verdict."""
     weights = ", ".join(f"{name} {weight:.3g}" for name, weight in calibration.weights.items() if weight > 0)
-    console.print(f"calibrated on the training views: {weights}", markup=False)
+    limits = ", ".join(f"{name} {value:g}" for name, value in calibration.limits.items())
+    console.print(f"calibrated on the training views: {weights}; {limits}", markup=False)
     board = [
         row
         for row in tables["leaderboard"]

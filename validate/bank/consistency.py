@@ -14,7 +14,7 @@ import scipy.stats
 from numpy.typing import NDArray
 
 from validate.bank.ranking import Judged, Resamples, with_interval
-from validate.intervals import weighted_spearman
+from validate.intervals import spearman_of_groups, tie_groups, weighted_spearman
 
 __all__ = ["LEVELS", "Consistency", "anisotropy", "crossed_mean", "of_errors", "of_moments", "sandwich"]
 
@@ -63,7 +63,12 @@ def of_errors(errors: Floats, covariance: Floats) -> Consistency:
     inverse = np.linalg.inv(safe)
     seen = np.isfinite(errors[..., 0])
     filled = np.where(seen[..., None], errors, 0.0)
-    squared = np.einsum("ktni,knij,ktnj->ktn", filled, inverse, filled, optimize=True)
+    # Entry by entry: long arrays are quicker than many small matrices.
+    squared = np.zeros(seen.shape)
+    for i in range(dof):
+        for j in range(i, dof):
+            twice = 1 if i == j else 2
+            squared += (twice * inverse[..., i, j])[:, None] * (filled[..., i] * filled[..., j])
     count = seen.sum(axis=1)
     usable = known & (count >= 1)
 
@@ -106,14 +111,14 @@ def pooled_spearman(predicted: Floats, measured: Floats, resamples: Resamples) -
     if known.sum() < 3:
         return Judged(float("nan"), np.full(POOLED, np.nan))
     row, column = np.nonzero(known)
-    x, y = predicted[known], measured[known]
+    x, y = tie_groups(predicted[known]), tie_groups(measured[known])
     samples = np.array(
         [
-            float(weighted_spearman(x, y, views[row] * points[column]))
+            spearman_of_groups(x, y, views[row] * points[column])
             for views, points in zip(resamples.views[:POOLED], resamples.points[:POOLED], strict=True)
         ]
     )
-    return Judged(float(weighted_spearman(x, y)), samples, 1.0)
+    return Judged(spearman_of_groups(x, y, np.ones(len(x))), samples, 1.0)
 
 
 def anisotropy(moment: Floats, covariance: Floats, trials: NDArray[np.int64]) -> dict[str, float]:

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pss import NoiseModel
 from pss.views import Views
+from pss.visibility import VisibilityTest, visible_in
 from render.view import random_stream
 from validate.acquire import Acquired
 from validate.bank.consistency import anisotropy, of_errors, of_moments, pooled_spearman, root_trace_of, sandwich
 from validate.bank.design import ViewBank
 from validate.bank.measured import BankData, residual_moments
-from validate.bank.predicted import Predicted
+from validate.bank.predicted import Contender, Predicted
 from validate.bank.ranking import Resamples, with_interval
 from validate.bank.study import appearance_of
 from validate.bank.verdict import RESAMPLES, CountVerdict
 
-__all__ = ["consistency_rows", "detection_row", "pixel_rows"]
+__all__ = ["blunder_row", "consistency_rows", "detection_rows", "pixel_rows"]
 
 Floats = NDArray[np.float64]
 Row = dict[str, object]
@@ -63,9 +64,9 @@ def _pixel_row(name: str, residuals: Floats, covariance: Floats, trials: NDArray
 
 
 def consistency_rows(
-    verdict: CountVerdict, bank: ViewBank, data: BankData, models: Sequence[NoiseModel], acquired: Acquired
+    verdict: CountVerdict, bank: ViewBank, data: BankData, contenders: Sequence[Contender], acquired: Acquired
 ) -> list[Row]:
-    """Single frame, and the filter where it was run, of each model over the configurations of one camera count."""
+    """Single frame, and the filter where it was run, of each contender over the configurations of one camera count."""
     rng = random_stream(data.seed, bank.scene.path.name, f"consistency of {verdict.cameras}")
     chance = Resamples.drawn(verdict.configurations, len(data.points_m), rng, RESAMPLES)
     errors = np.array([found.errors.errors_m for found in verdict.measured])
@@ -73,39 +74,44 @@ def consistency_rows(
     trials = np.array([found.errors.detections for found in verdict.measured])
     rms = np.array([found.errors.rms_m for found in verdict.measured])
     rows = []
-    for model in models:
-        of_model = [found[model.name] for found in verdict.predicted]
+    for contender in contenders:
+        of_model = [found[contender.name] for found in verdict.predicted]
         covariance = np.array([found.covariance_m2 for found in of_model])
-        ratio = _sandwich_medians(verdict, bank, data, model, acquired)
+        ratio = _sandwich_medians(verdict, bank, data, contender, acquired)
         rows.append(
             {
                 "level": "single frame",
                 "cameras": verdict.cameras,
-                "noise_model": model.name,
+                "noise_model": contender.name,
                 **of_errors(errors, covariance).row(chance),
                 **with_interval("point_spearman", pooled_spearman(root_trace_of(covariance), rms, chance)),
                 **anisotropy(moment, covariance, trials),
                 "sandwich_over_claimed_median": ratio[0],
             }
         )
-        rows += _filter_rows(verdict, model.name, of_model, ratio[1])
+        rows += _filter_rows(verdict, contender.name, of_model, ratio[1], chance)
     return rows
 
 
-def _filter_rows(verdict: CountVerdict, name: str, predicted: Sequence[Predicted], ratio: float) -> list[Row]:
+def _filter_rows(
+    verdict: CountVerdict, name: str, predicted: Sequence[Predicted], ratio: float, chance: Resamples
+) -> list[Row]:
+    """P⁻ and P⁺ against the filter's moments (over all its frames) and against its errors (of the last frame)."""
     rows = []
-    for kind, attribute in (("prior", "prior_m2"), ("posterior", "posterior_m2")):
+    for kind in ("prior", "posterior"):
         moments = [getattr(found, f"{kind}_moment_m2") for found in verdict.measured]
         if any(moment is None for moment in moments):
             return []
-        found = of_moments(np.array(moments), np.array([getattr(p, attribute) for p in predicted]))
+        errors = np.array([getattr(found, f"{kind}_errors_m") for found in verdict.measured])
+        covariance = np.array([getattr(found, f"{kind}_m2") for found in predicted])
+        found = of_moments(np.array(moments), covariance)
         known = found[np.isfinite(found)]
         rows.append(
             {
                 "level": f"filter, {kind}",
                 "cameras": verdict.cameras,
                 "noise_model": name,
-                "cells": int(known.size),
+                **of_errors(errors, covariance).row(chance),
                 "predicted_over_measured_rms_median": float(np.median(known)),
                 "median_abs_log_ratio": float(np.median(np.abs(np.log(known)))),
                 "median_log_ratio": float(np.median(np.log(known))),
@@ -116,19 +122,19 @@ def _filter_rows(verdict: CountVerdict, name: str, predicted: Sequence[Predicted
 
 
 def _sandwich_medians(
-    verdict: CountVerdict, bank: ViewBank, data: BankData, model: NoiseModel, acquired: Acquired
+    verdict: CountVerdict, bank: ViewBank, data: BankData, contender: Contender, acquired: Acquired
 ) -> tuple[float, float]:
-    """Median over configurations and points of actual over claimed √tr, weighted by the model's R: frame and filter."""
+    """Median over configurations and points of actual over claimed √tr, weighted by the claimed R: frame and filter."""
     state = bank.scene.state
     true = residual_moments(data.residuals())
     views = Views(list(bank.cameras), state.points_m, state.normals, appearance_of(bank.scene, acquired))
     with np.errstate(divide="ignore", invalid="ignore"):
-        claimed = np.broadcast_to(model.of_views(views).matrix(*true.shape[:2]), true.shape)
+        claimed = np.broadcast_to(contender.noise.of_views(views).matrix(*true.shape[:2]), true.shape)
     jacobians = np.array([camera.jacobian(state.points_m) for camera in bank.cameras])
     found = []
     q = float(data.process.Q[0, 0])
     for chosen, predicted in zip(verdict.configurations, verdict.predicted, strict=True):
-        seen = predicted[model.name].visible & np.isfinite(true[chosen]).all(axis=(-2, -1))
+        seen = predicted[contender.name].visible & np.isfinite(true[chosen]).all(axis=(-2, -1))
         seen &= np.isfinite(claimed[chosen]).all(axis=(-2, -1))
         cell = seen[..., None, None]
         found.append(
@@ -143,18 +149,42 @@ def _sandwich_medians(
     return float(np.nanmedian(ratio[:, 0])), float(np.nanmedian(ratio[:, 1]))
 
 
-def detection_row(bank: ViewBank, data: BankData, verdict: CountVerdict) -> Row:
-    """Predicted visible × detected, over views and markers in a configuration's predictions and all trials."""
-    visible = np.zeros((len(bank.cameras), len(data.points_m)), dtype=bool)
-    for chosen, predicted in zip(verdict.configurations, verdict.predicted, strict=True):
-        visible[chosen] = next(iter(predicted.values())).visible
-    used = np.unique(verdict.configurations)
-    rate = data.detected[used].mean(axis=1)
-    seen = visible[used]
+def blunder_row(verdict: CountVerdict) -> Row:
+    """Detections that triangulation threw out by their reprojection χ², which needs no truth, and those it kept."""
+    rejected = sum(found.rejected for found in verdict.measured)
+    kept = sum(int(found.used.sum()) for found in verdict.measured)
     return {
-        "visible_detected": float((rate * seen).mean()),
-        "visible_missed": float(((1 - rate) * seen).mean()),
-        "hidden_detected": float((rate * ~seen).mean()),
-        "hidden_missed": float(((1 - rate) * ~seen).mean()),
-        "views": len(used),
+        "cameras": verdict.cameras,
+        "detections_kept": kept,
+        "detections_rejected": rejected,
+        "rejected_share": rejected / max(kept + rejected, 1),
     }
+
+
+def detection_rows(
+    bank: ViewBank,
+    data: BankData,
+    verdict: CountVerdict,
+    visibilities: Mapping[str, Sequence[VisibilityTest]],
+    acquired: Acquired,
+) -> list[Row]:
+    """Predicted visible × detected, over the markers in the views that configurations were drawn from, all trials."""
+    state = bank.scene.state
+    used = np.unique(verdict.configurations)
+    cameras = [bank.cameras[view] for view in used]
+    views = Views(cameras, state.points_m, state.normals, appearance_of(bank.scene, acquired))
+    rate = data.detected[used].mean(axis=1)
+    rows: list[Row] = []
+    for name, tests in visibilities.items():
+        seen = visible_in(views, state.occluders, tests)
+        rows.append(
+            {
+                "visibility": name,
+                "visible_detected": float((rate * seen).mean()),
+                "visible_missed": float(((1 - rate) * seen).mean()),
+                "hidden_detected": float((rate * ~seen).mean()),
+                "hidden_missed": float(((1 - rate) * ~seen).mean()),
+                "views": len(used),
+            }
+        )
+    return rows

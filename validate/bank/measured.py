@@ -7,7 +7,6 @@ import os
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from multiprocessing import get_context
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from pss import PTZCamera
 from pss.process import ProcessModel
 from render.view import random_stream
+from validate.bank.workers import workers_context
 from validate.errors3d import MeasuredErrors
 from validate.track import track_static
 from validate.triangulate import triangulate
@@ -66,7 +66,11 @@ class BankData:
 
 @dataclass(frozen=True, eq=False)
 class ConfigurationErrors:
-    """Measured errors of one configuration; `prior_moment_m2` and `posterior_moment_m2` (N, 3, 3) of the filter."""
+    """Measured errors of one configuration.
+
+    Of the filter, where it was run: m², second moments (N, 3, 3), and m, errors in the last frame of each run
+    (runs, N, 3), before and after the update.
+    """
 
     errors: MeasuredErrors
     linear: MeasuredErrors
@@ -74,6 +78,8 @@ class ConfigurationErrors:
     rejected: int
     prior_moment_m2: Floats | None = None
     posterior_moment_m2: Floats | None = None
+    prior_errors_m: Floats | None = None
+    posterior_errors_m: Floats | None = None
 
 
 def measure_all(
@@ -84,7 +90,7 @@ def measure_all(
     workers = min(processes or os.cpu_count() or 1, len(jobs))
     if workers <= 1:
         return [_measure(data, job, filtered) for job in jobs]
-    with ProcessPoolExecutor(workers, get_context("spawn"), _begin, (data, filtered)) as pool:
+    with ProcessPoolExecutor(workers, workers_context(), _begin, (data, filtered)) as pool:
         return list(pool.map(_in_worker, jobs, chunksize=max(1, len(jobs) // (8 * workers))))
 
 
@@ -121,7 +127,11 @@ def _measure(data: BankData, views: Views, filtered: bool) -> ConfigurationError
         cameras, data.points_m, kept, data.covariance[chosen], usable, data.process, rng, FILTER_RUNS
     )
     return dataclasses.replace(
-        result, prior_moment_m2=tracked.prior_moment_m2, posterior_moment_m2=tracked.posterior_moment_m2
+        result,
+        prior_moment_m2=tracked.prior_moment_m2,
+        posterior_moment_m2=tracked.posterior_moment_m2,
+        prior_errors_m=tracked.prior_errors_m,
+        posterior_errors_m=tracked.posterior_errors_m,
     )
 
 

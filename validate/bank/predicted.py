@@ -1,26 +1,33 @@
-"""What the metric says of every configuration of a bank, under every noise model, and what its rivals say."""
+"""What the metric says of every configuration of a bank, under every contender, and what its rivals say."""
 
 from __future__ import annotations
 
+import dataclasses
+import math
 import os
 import warnings
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from multiprocessing import get_context
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pss import METRICS, Appearance, NoiseModel, PTZCamera, evaluate
+from pss import METRICS, Appearance, Evaluation, NoiseModel, PTZCamera, evaluate_many
 from pss.noise.covariance import PixelCovariance
 from pss.process import ProcessModel
 from pss.surrogates import Shape
 from pss.views import Views
+from pss.visibility import VISIBILITY_TESTS, VisibilityTest, visible_in
+from validate.bank.workers import workers_context
 
-__all__ = ["GivenCovariance", "Predicted", "PredictionTask", "predict_all"]
+__all__ = ["Contender", "GivenCovariance", "GivenVisibility", "Predicted", "PredictionTask", "predict_all"]
 
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+# Configurations evaluated in one call: views that they share are looked at once.
+TOGETHER = 50
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,11 +48,39 @@ class GivenCovariance:
 
 
 @dataclass(frozen=True, eq=False)
+class GivenVisibility:
+    """A visibility test that is a table, (V, N), one row a setting: no line of sight is looked for twice."""
+
+    cameras: tuple[PTZCamera, ...]
+    visible: Bools
+    name: str = "given"
+
+    @classmethod
+    def of(cls, views: Views, occluders: Sequence[Shape], tests: Sequence[VisibilityTest]) -> GivenVisibility:
+        """What passes `tests`."""
+        return cls(views.cameras, visible_in(views, occluders, tests))
+
+    def passed(self, views: Views, candidates: Bools, occluder: Sequence[Shape]) -> Bools:
+        """The table's rows of the cameras."""
+        return np.asarray(candidates & self.visible[[self.cameras.index(camera) for camera in views.cameras]])
+
+
+@dataclass(frozen=True, eq=False)
+class Contender:
+    """What is judged: a noise model, and what counts as visible."""
+
+    name: str
+    noise: NoiseModel
+    visibility: tuple[VisibilityTest, ...] = VISIBILITY_TESTS
+
+
+@dataclass(frozen=True, eq=False)
 class PredictionTask:
-    """What all configurations share: V settings, N points, and the models.
+    """What all configurations share: V settings, N points, and the contenders.
 
     Attributes:
-        needs: by noise model, the metrics that are asked under it.
+        needs: by contender, the metrics that are asked under it.
+        filtered: whether P⁻ and P⁺ are asked for.
     """
 
     cameras: tuple[PTZCamera, ...]
@@ -54,40 +89,55 @@ class PredictionTask:
     occluders: tuple[Shape, ...]
     appearance: Appearance | None
     process: ProcessModel
-    models: tuple[NoiseModel, ...]
+    contenders: tuple[Contender, ...]
     needs: Mapping[str, tuple[str, ...]]
+    filtered: bool = False
 
 
 @dataclass(frozen=True, eq=False)
 class Predicted:
-    """One configuration under one noise model; points that are not observable have nan.
+    """One configuration under one contender; points that are not observable have nan.
 
     Attributes:
         scores: metrics by name.
         sigma_m: m, σ∞, (N,).
         covariance_m2: m², C of one frame, (N, 3, 3).
-        prior_m2, posterior_m2: m², position blocks of P⁻ and P⁺, (N, 3, 3).
+        prior_m2, posterior_m2: m², position blocks of P⁻ and P⁺, (N, 3, 3); None if not asked for.
         visible: (c, N).
     """
 
     scores: Mapping[str, float]
     sigma_m: Floats
     covariance_m2: Floats
-    prior_m2: Floats
-    posterior_m2: Floats
-    visible: NDArray[np.bool_]
+    prior_m2: Floats | None
+    posterior_m2: Floats | None
+    visible: Bools
 
 
 def predict_all(
     task: PredictionTask, configurations: Sequence[Sequence[int]], processes: int | None = None
 ) -> list[dict[str, Predicted]]:
-    """By configuration and noise model; the result does not depend on `processes`."""
+    """By configuration and contender; the result does not depend on `processes`."""
+    task = _with_tables(task)
     jobs = [tuple(int(view) for view in chosen) for chosen in configurations]
-    workers = min(processes or os.cpu_count() or 1, len(jobs))
+    workers = min(processes or os.cpu_count() or 1, math.ceil(len(jobs) / TOGETHER))
+    parts = [jobs[start : start + TOGETHER] for start in range(0, len(jobs), TOGETHER)]
     if workers <= 1:
-        return [_predict(task, job) for job in jobs]
-    with ProcessPoolExecutor(workers, get_context("spawn"), _begin, (task,)) as pool:
-        return list(pool.map(_in_worker, jobs, chunksize=max(1, len(jobs) // (8 * workers))))
+        return [found for part in parts for found in _predict(task, part)]
+    with ProcessPoolExecutor(workers, workers_context(), _begin, (task,)) as pool:
+        return [found for part in pool.map(_in_worker, parts) for found in part]
+
+
+def _with_tables(task: PredictionTask) -> PredictionTask:
+    """The same task with who sees what looked up, each set of tests asked once."""
+    views = Views(list(task.cameras), task.points_m, task.normals, task.appearance)
+    known: dict[tuple[VisibilityTest, ...], GivenVisibility] = {}
+    contenders = []
+    for contender in task.contenders:
+        if contender.visibility not in known:
+            known[contender.visibility] = GivenVisibility.of(views, task.occluders, contender.visibility)
+        contenders.append(dataclasses.replace(contender, visibility=(known[contender.visibility],)))
+    return dataclasses.replace(task, contenders=tuple(contenders))
 
 
 _task: PredictionTask | None = None
@@ -98,33 +148,38 @@ def _begin(task: PredictionTask) -> None:
     _task = task
 
 
-def _in_worker(job: tuple[int, ...]) -> dict[str, Predicted]:
+def _in_worker(jobs: list[tuple[int, ...]]) -> list[dict[str, Predicted]]:
     assert _task is not None
-    return _predict(_task, job)
+    return _predict(_task, jobs)
 
 
-def _predict(task: PredictionTask, views: tuple[int, ...]) -> dict[str, Predicted]:
-    cameras = [task.cameras[view] for view in views]
-    found = {}
-    for model in task.models:
-        evaluation = evaluate(
-            cameras,
+def _predict(task: PredictionTask, jobs: Sequence[tuple[int, ...]]) -> list[dict[str, Predicted]]:
+    found: list[dict[str, Predicted]] = [{} for _ in jobs]
+    for contender in task.contenders:
+        evaluations = evaluate_many(
+            [[task.cameras[view] for view in views] for views in jobs],
             task.points_m,
             task.normals,
-            noise=model,
+            noise=contender.noise,
             process=task.process,
             occluder=task.occluders,
             appearance=task.appearance,
+            visibility=contender.visibility,
         )
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # a rival that is not defined for a configuration says so with its number
-            scores = {name: float(METRICS[name].score(evaluation)) for name in task.needs[model.name]}
-        found[model.name] = Predicted(
-            scores,
-            evaluation.sigma_m,
-            evaluation.single_frame_covariance,
-            evaluation.covariance[:, :3, :3],
-            evaluation.posterior[:, :3, :3],
-            evaluation.visible,
-        )
+        for of_all, evaluation in zip(found, evaluations, strict=True):
+            of_all[contender.name] = _predicted(task, contender.name, evaluation)
     return found
+
+
+def _predicted(task: PredictionTask, name: str, evaluation: Evaluation) -> Predicted:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # a rival that is not defined for a configuration says so with its number
+        scores = {metric: float(METRICS[metric].score(evaluation)) for metric in task.needs[name]}
+    return Predicted(
+        scores,
+        evaluation.sigma_m,
+        evaluation.single_frame_covariance,
+        evaluation.covariance[:, :3, :3] if task.filtered else None,
+        evaluation.posterior[:, :3, :3] if task.filtered else None,
+        evaluation.visible,
+    )

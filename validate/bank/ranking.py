@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -109,9 +110,14 @@ def partial(xy: Judged, xz: Judged, yz: Judged) -> Judged:
     return Judged(float(of(xy.estimate, xz.estimate, yz.estimate)), samples, 1.0)
 
 
-def regrets(
-    score: Floats, halves: Sequence[Floats], size: int, rng: np.random.Generator, draws: int = 1000
-) -> tuple[Floats, Floats]:
+@lru_cache(maxsize=32)
+def choices(count: int, size: int, draws: int) -> NDArray[np.int64]:
+    """`draws` random choices of `size` different ones of `count`, (draws, size); the same for all metrics."""
+    rng = np.random.default_rng(size)
+    return np.array([rng.choice(count, size=size, replace=False) for _ in range(draws)])
+
+
+def regrets(score: Floats, halves: Sequence[Floats], size: int, draws: int = 1000) -> tuple[Floats, Floats]:
     """Regret of choosing one of `size` configurations, (draws,), and that of the oracle, who has the other half.
 
     1 − measured(chosen)/max measured on one half of the trials, averaged over the halves. A metric that gives several
@@ -122,7 +128,7 @@ def regrets(
         halves: measured yardstick on each half of the trials, (K,) each, higher is better.
     """
     known = np.where(np.isnan(score), -np.inf, score)
-    chosen = np.array([rng.choice(len(score), size=min(size, len(score)), replace=False) for _ in range(draws)])
+    chosen = choices(len(score), min(size, len(score)), draws)
 
     def lost(by: Floats, measured: Floats) -> Floats:
         values, seen = by[chosen], measured[chosen]

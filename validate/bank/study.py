@@ -8,15 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import METRICS, Appearance, NoiseModel, noise_model
+from pss.legibility import TARGET_VISIBILITY, within_limits
 from pss.noise import CALIBRATION_FACTORS, Calibration
+from pss.views import Views
+from pss.visibility import VISIBILITY_TESTS, VisibilityTest
 from render.view import random_stream, state_key
 from scenes import Scene
 from validate.acquire import Acquired
 from validate.bank.design import ViewBank, draw_configurations
 from validate.bank.measured import BankData, measure_all
-from validate.bank.predicted import PredictionTask, predict_all
+from validate.bank.predicted import Contender, PredictionTask, predict_all
 from validate.bank.verdict import CountVerdict
 from validate.calibrate import Fitted, factor_covariances, fit_best_form, pixel_moments
+from validate.calibrate_limits import FittedLimits, fit_limits
 
 __all__ = [
     "FREE_MODELS",
@@ -24,8 +28,11 @@ __all__ = [
     "asked_pairs",
     "calibrated",
     "data_of",
-    "scene_models",
+    "limits_of",
+    "noise_models",
+    "scene_contenders",
     "verdict_of",
+    "visibilities",
 ]
 
 Floats = NDArray[np.float64]
@@ -42,7 +49,10 @@ OF_NOISE = (
 )  # fmt: skip
 # Under the models beside the one that all metrics are asked under.
 ALWAYS = ("pss", "pss-single-frame", "d-optimality-count-zero", "e-optimality-count-zero")
+# R and limits of detection, both fitted on the training views.
 FULL_MODEL = "calibrated"
+# The fitted R alone, and the one that fits nothing with whole markers in place of their centres.
+CALIBRATED_R, PHYSICAL_WHOLE = "calibrated R", "physical, whole markers"
 
 
 def data_of(bank: ViewBank, acquired: Acquired, seed: int) -> BankData:
@@ -56,7 +66,7 @@ def appearance_of(scene: Scene, acquired: Acquired) -> Appearance:
     return acquired.appearances[state_key(scene.state)]
 
 
-def calibrated(bank: ViewBank, data: BankData, acquired: Acquired, provenance: dict[str, str | int | float]) -> Fitted:
+def calibrated(bank: ViewBank, data: BankData, acquired: Acquired) -> Fitted:
     """Weights fitted on a training bank; factors that the data do not ask for are left out."""
     moments = pixel_moments(data.residuals())
     state = bank.scene.state
@@ -66,23 +76,48 @@ def calibrated(bank: ViewBank, data: BankData, acquired: Acquired, provenance: d
     return fit_best_form(CALIBRATION_FACTORS, covariances, moments)
 
 
-def scene_models(scene: Scene, calibration: Calibration) -> list[NoiseModel]:
-    """The noise models that are judged in a scene, with its own sensor."""
+def limits_of(bank: ViewBank, data: BankData, acquired: Acquired) -> FittedLimits:
+    """Limits of detection fitted on a training bank."""
+    state = bank.scene.state
+    views = Views(list(bank.cameras), state.points_m, state.normals, appearance_of(bank.scene, acquired))
+    return fit_limits(views, state.occluders, data.detected.mean(axis=1))
+
+
+def noise_models(scene: Scene, calibration: Calibration) -> list[NoiseModel]:
+    """The R_k that are judged in a scene, with its own sensor."""
     free = [noise_model(name, sensor=scene.sensor, ccd_noise=scene.sensor.ccd_noise) for name in FREE_MODELS]
     return [*free, NoiseModel(calibration.name, calibration.factors(scene.sensor, scene.sensor.ccd_noise))]
 
 
+def visibilities(calibration: Calibration) -> dict[str, tuple[VisibilityTest, ...]]:
+    """What may count as visible: the paper's points, whole markers, and those within the fitted limits."""
+    fitted = within_limits(calibration.limits)
+    return {"points": VISIBILITY_TESTS, "whole markers": TARGET_VISIBILITY, "fitted limits": fitted}
+
+
+def scene_contenders(scene: Scene, calibration: Calibration) -> list[Contender]:
+    """What is judged in a scene: each R with the paper's visibility, and those that know of whole markers."""
+    models, visible = {model.name: model for model in noise_models(scene, calibration)}, visibilities(calibration)
+    return [
+        *(Contender(name, models[name]) for name in FREE_MODELS),
+        Contender(PHYSICAL_WHOLE, models["physical"], visible["whole markers"]),
+        Contender(CALIBRATED_R, models[calibration.name]),
+        Contender(FULL_MODEL, models[calibration.name], visible["fitted limits"]),
+    ]
+
+
 def asked_pairs() -> list[tuple[str, str]]:
-    """Pairs of noise model and metric: everything under the calibrated one, what R decides under the others too."""
+    """Pairs of contender and metric: everything under the calibrated one, what R decides under the others too."""
     pairs = [(FULL_MODEL, name) for name in METRICS]
-    return pairs + [(model, name) for model in FREE_MODELS for name in ALWAYS]
+    pairs += [(name, metric) for name in (*FREE_MODELS, PHYSICAL_WHOLE, CALIBRATED_R) for metric in ALWAYS]
+    return pairs + [("physical", "visibility-count"), (PHYSICAL_WHOLE, "visibility-count")]
 
 
 def verdict_of(
     bank: ViewBank,
     data: BankData,
     acquired: Acquired,
-    models: Sequence[NoiseModel],
+    contenders: Sequence[Contender],
     cameras: int,
     count: int,
     seed: int,
@@ -93,7 +128,9 @@ def verdict_of(
     names = [camera.name for camera in bank.cameras]
     configurations = draw_configurations(names, cameras, count, rng)
     state = bank.scene.state
-    needs = {model.name: tuple(METRICS) if model.name == FULL_MODEL else ALWAYS for model in models}
+    needs: dict[str, tuple[str, ...]] = {contender.name: () for contender in contenders}
+    for name, metric in asked_pairs():
+        needs[name] += (metric,)
     task = PredictionTask(
         bank.cameras,
         state.points_m,
@@ -101,8 +138,9 @@ def verdict_of(
         state.occluders,
         appearance_of(bank.scene, acquired),
         bank.scene.process,
-        tuple(models),
+        tuple(contenders),
         needs,
+        filtered,
     )
     chosen = configurations.tolist()
     return CountVerdict(cameras, configurations, measure_all(data, chosen, filtered), predict_all(task, chosen))

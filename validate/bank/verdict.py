@@ -163,7 +163,7 @@ def _choosing(number: Floats, yardstick: Yardstick, rng: np.random.Generator) ->
         lost = oracle = np.array([np.nan])
         # A regret is a share of the best: it needs a yardstick that is a positive number.
         if yardstick.halves is not None and yardstick.higher_is_better:
-            lost, oracle = regrets(number, yardstick.halves, size, np.random.default_rng(size))
+            lost, oracle = regrets(number, yardstick.halves, size)
         row |= {
             f"regret_of_{size}_median": float(np.median(lost)),
             f"regret_of_{size}_mean": float(lost.mean()),

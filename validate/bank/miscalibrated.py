@@ -1,0 +1,115 @@
+"""`run_sweep.py calibration-error`: from which errors of calibration on does PSS no longer rank configurations?"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+import tyro
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+
+from pss import NoiseModel
+from render import backend
+from render.view import random_stream
+from scenes import load_scene
+from scenes.sweep_file import SWEEPS
+from validate.bank.design import BankDesign, draw_configurations, held_out_views, training_views
+from validate.bank.miscalibrated_figure import draw
+from validate.bank.predicted import Contender, PredictionTask, predict_all
+from validate.bank.prepare import acquire_banks, calibrate
+from validate.bank.study import appearance_of, data_of, noise_models, visibilities
+from validate.bank.verdict import single_frame_terms
+from validate.calibration_error import study
+from validate.tables import write_csv
+
+__all__ = ["main", "run"]
+
+Floats = NDArray[np.float64]
+
+CAMERAS = 4
+
+
+def run(
+    scene: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
+    out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("results/calibration-error"),
+    store: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("results/store"),
+    settings: int = 10,
+    configurations: int = 200,
+    trials: int = 10,
+    turns: int = 2,
+    seed: int = 1,
+    variant: Literal["llvm_ad_mono", "cuda_ad_mono", "scalar_rgb"] | None = None,
+) -> int:
+    """Rank configurations of four cameras whose pan, tilt, focal length and place are off by unknown errors.
+
+    It shares its views with `bank`, whose options these are; with another scene or other options it renders its own.
+
+    Args:
+        scene: scene file (default: the room).
+        out: folder for the results.
+        store: folder of rendered views and measurements, shared by all runs.
+        settings: views of each camera.
+        configurations: of four cameras.
+        trials: noisy captures of each render.
+        turns: renders of each view at slightly turned settings.
+        seed: of settings, captures and draws.
+        variant: Mitsuba's variant (default: LLVM if a libLLVM is found, else scalar).
+    """
+    console, errors = Console(width=140), Console(stderr=True)
+    chosen = backend.choose(variant)
+    console.print(str(chosen), markup=False)
+    design = BankDesign(settings=settings, trials=trials, turns=turns, seed=seed)
+    loaded = load_scene(scene or SWEEPS.parent / "room.toml")
+    training = training_views(loaded, design, chosen.identity)
+    bank = held_out_views(loaded, design, chosen.identity)
+    acquired = acquire_banks([training, bank], store, chosen, errors)
+    if acquired is None:
+        return 1
+    calibration = calibrate(training, acquired, design, out)
+    data, state = data_of(bank, acquired, seed), loaded.state
+    rng = random_stream(seed, bank.scene.path.name, "calibration error")
+    drawn = draw_configurations([camera.name for camera in bank.cameras], CAMERAS, configurations, rng)
+    tests = visibilities(calibration)["fitted limits"]
+
+    def predict(model: NoiseModel) -> Floats:
+        task = PredictionTask(
+            bank.cameras,
+            state.points_m,
+            state.normals,
+            state.occluders,
+            appearance_of(loaded, acquired),
+            loaded.process,
+            (Contender("asked", model, tests),),
+            {"asked": ()},
+        )
+        return np.array([single_frame_terms(found["asked"]) for found in predict_all(task, drawn.tolist())])
+
+    model = noise_models(loaded, calibration)[-1]
+    rows = study(data, drawn, model, predict)
+    write_csv(out / "calibration_error.csv", rows)
+    draw(out / "figures" / "calibration_error.png", rows)
+    table = Table(title=f"Ranking {len(drawn)} configurations of {CAMERAS} cameras with errors of calibration")
+    for name in ("pan, tilt in °", "focal length", "place in m", "RMS in mm", "ρ of PSS", "with a term for it"):
+        table.add_column(name)
+    for row in rows:
+        table.add_row(
+            *(f"{float(str(row[key])):g}" for key in ("pan_tilt_deg", "focal_share", "position_m")),
+            f"{1000 * float(str(row['median_rms_m'])):.2f}",
+            *(_interval(row, name) for name in ("spearman_plain", "spearman_with_term")),
+        )
+    console.print(table)
+    console.print(f"results in {out}", markup=False)
+    return 0
+
+
+def _interval(row: dict[str, object], name: str) -> str:
+    value, low, high = (float(str(row[key])) for key in (name, f"{name}_low", f"{name}_high"))
+    return f"{value:.2f} [{low:.2f}, {high:.2f}]"
+
+
+def main(arguments: list[str]) -> int:
+    """Parse the subcommand's own arguments and run it."""
+    return tyro.cli(run, prog="run_sweep.py calibration-error", args=arguments)

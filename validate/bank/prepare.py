@@ -1,0 +1,50 @@
+"""What every study of the bank begins with: views rendered and measured, and the calibration on the training ones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rich.console import Console
+
+from pss.noise import Calibration
+from render.backend import Backend
+from validate.acquire import Acquired, acquire
+from validate.bank.design import BankDesign, ViewBank
+from validate.bank.study import calibrated, data_of, limits_of
+from validate.progress import ViewProgress
+from validate.store import Store, write_text
+
+__all__ = ["acquire_banks", "calibrate"]
+
+
+def acquire_banks(banks: list[ViewBank], store: Path, chosen: Backend, errors: Console) -> Acquired | None:
+    """All renders of the banks, measured; None if one failed, which is said."""
+    wanted = [item for bank in banks for item in bank.wanted]
+    acquired = acquire(wanted, Store(store), chosen, lambda total: ViewProgress(total, errors))
+    for key, cause in acquired.failed.items():
+        errors.print(f"view {key} failed: {cause}", markup=False, style="red")
+    return None if acquired.failed else acquired
+
+
+def calibrate(training: ViewBank, acquired: Acquired, design: BankDesign, out: Path) -> Calibration:
+    """Noise weights and limits of detection by the training views, left as `calibrated.toml`."""
+    data = data_of(training, acquired, design.seed)
+    fitted, limits = calibrated(training, data, acquired), limits_of(training, data, acquired)
+    provenance: dict[str, str | int | float] = {
+        "scene": training.scene.path.name,
+        "views": len(training.views),
+        "renders_of_each": design.turns,
+        "trials_of_each": design.trials,
+        "seed": design.seed,
+        "moments": fitted.moments,
+        "left_out_as_blunders": fitted.left_out,
+        "deviance_per_moment": fitted.deviance / fitted.moments,
+        "markers_within_limits": limits.pairs[0],
+        "found_within_limits": limits.found_within,
+        "markers_beyond_limits": limits.pairs[1],
+        "found_beyond_limits": limits.found_beyond,
+        "fitted_by": "python validate/run_sweep.py bank",
+    }
+    calibration = Calibration("calibrated", fitted.weights, provenance, limits.limits)
+    write_text(out / "calibrated.toml", calibration.to_toml())
+    return calibration

@@ -1,0 +1,83 @@
+"""How much the ranking depends on what the paper leaves open: the constants of Eqs. 11 to 13, and each factor alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pss import noise_model
+from pss.visibility import VisibilityTest
+from render.view import random_stream
+from scenes import Scene
+from validate.acquire import Acquired
+from validate.bank.design import ViewBank
+from validate.bank.measured import BankData
+from validate.bank.predicted import Contender, PredictionTask, predict_all
+from validate.bank.ranking import Resamples, judge_against, with_interval
+from validate.bank.study import appearance_of
+from validate.bank.verdict import RESAMPLES, CountVerdict, single_frame_terms
+
+__all__ = ["sensitivity_rows", "variants"]
+
+Row = dict[str, object]
+
+# Neither constant has a value in the paper: each is tried a factor of ten up and down, the other as it is.
+BAND = (0.1, 1.0, 10.0)
+OF_THE_PAPER = ("as-printed", "corrected")
+FACTORS = ("distance", "incidence", "resolution", "defocus")
+
+
+def variants(scene: Scene, tests: Sequence[VisibilityTest]) -> list[tuple[Row, Contender]]:
+    """The paper's models with other constants, and of each factor alone, with what tells them apart."""
+    found = []
+    dark = scene.sensor.ccd_noise
+    for name in OF_THE_PAPER:
+        for times in BAND:
+            scaled = noise_model(name, ccd_noise=dark, px2_per_m2=times)
+            darker = noise_model(name, ccd_noise=dark * times)
+            for constant, model in (("px2_per_m2", scaled), ("ccd_noise", darker)):
+                row: Row = {"noise_model": name, "varied": constant, "times": times}
+                found.append((row, Contender(f"{name}, {constant} × {times:g}", model, tuple(tests))))
+        for kept in FACTORS:
+            off = [factor for factor in FACTORS if factor != kept]
+            model = noise_model(name, switched_off=off, ccd_noise=dark)
+            row = {"noise_model": name, "varied": f"{kept} alone", "times": 1.0}
+            found.append((row, Contender(f"{name}, {kept} alone", model, tuple(tests))))
+    return found
+
+
+def sensitivity_rows(
+    bank: ViewBank, data: BankData, verdict: CountVerdict, tests: Sequence[VisibilityTest], acquired: Acquired
+) -> list[Row]:
+    """A row for each variant: Spearman of its single-frame PSS with the measured one, with a 95 % interval."""
+    state = bank.scene.state
+    named = variants(bank.scene, tests)
+    contenders = tuple(contender for _, contender in named)
+    task = PredictionTask(
+        bank.cameras,
+        state.points_m,
+        state.normals,
+        state.occluders,
+        appearance_of(bank.scene, acquired),
+        data.process,
+        contenders,
+        {contender.name: () for contender in contenders},
+    )
+    predictions = predict_all(task, verdict.configurations.tolist())
+    rng = random_stream(data.seed, bank.scene.path.name, f"sensitivity of {verdict.cameras}")
+    chance = Resamples.drawn(verdict.configurations, len(state.points_m), rng, RESAMPLES)
+    measured = np.array([found.errors.inverse_sigma for found in verdict.measured])
+    return [
+        {
+            "cameras": verdict.cameras,
+            **row,
+            **with_interval(
+                "spearman",
+                judge_against(
+                    np.array([single_frame_terms(of_all[contender.name]) for of_all in predictions]), measured, chance
+                ),
+            ),
+        }
+        for row, contender in named
+    ]

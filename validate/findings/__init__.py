@@ -1,0 +1,1 @@
+"""Findings: sentences with numbers and intervals, made from the tables of runs."""
