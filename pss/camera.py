@@ -275,13 +275,17 @@ class PTZCamera:
 
     # ---- settings --------------------------------------------------------------------------------------------------
 
-    def aimed_at(self, target_m: Sequence[float] | Floats) -> PTZCamera:
-        """The same camera with pan and tilt such that `target_m` (3,) is in the middle of the image."""
+    def direction_to(self, target_m: Sequence[float] | Floats) -> tuple[float, float]:
+        """Degrees, the pan and tilt of the line of sight to `target_m` (3,); straight up or down has pan 0."""
         x, y, z = as_points(target_m, "target_m") - np.array(self.position_m)
         if math.hypot(x, y, z) == 0:
             raise GeometryError(f"target_m = {tuple(target_m)} is the camera's own position; there is no direction")
-        tilt = math.degrees(math.atan2(z, math.hypot(x, y)))
-        return dataclasses.replace(self, pan_deg=math.degrees(math.atan2(x, y)), tilt_deg=tilt)
+        return math.degrees(math.atan2(x, y)), math.degrees(math.atan2(z, math.hypot(x, y)))
+
+    def aimed_at(self, target_m: Sequence[float] | Floats) -> PTZCamera:
+        """The same camera with pan and tilt such that `target_m` (3,) is in the middle of the image."""
+        pan_deg, tilt_deg = self.direction_to(target_m)
+        return dataclasses.replace(self, pan_deg=pan_deg, tilt_deg=tilt_deg)
 
     def _refuse_centre(self, depth: Floats) -> None:
         if (depth == 0).any():
