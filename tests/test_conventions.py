@@ -24,6 +24,7 @@ from pss import (
     noise_model,
 )
 from pss.noise import DistanceIncidence, IdentityNoise, NoiseModel
+from pss.ptz import PTZLimits
 from render.exposure import AutoExposure
 from render.geometry import surfaces
 from render.lens import film_position, sensor_dict
@@ -288,6 +289,7 @@ def test_sigma_is_of_the_position_alone():
 
 UNITS = ("_m", "_deg", "_s", "_ms", "_nm", "_px", "_px2", "_px2_per_m2", "_e", "_dn", "_m2_s3", "_m2_s5")
 UNITS += ("_w_per_m2_sr", "_modules", "_e_per_s", "_dn_per_e", "_um", "_w_per_sr", "_m_per_s", "_deg_per_s")
+UNITS += ("_dioptre", "_dioptre_per_s")
 WITHOUT_UNIT = {
     "zoom": "a ratio",
     "max_zoom": "a ratio",
@@ -305,6 +307,9 @@ WITHOUT_UNIT = {
     "share": "a ratio",
     "radial_distortion": "factors of slopes",
     "aperture_blades": "a count",
+    "zoom_range": "ratios",
+    "zoom_factor_per_s": "a ratio in each second",
+    "zoom_step": "a ratio",
 }
 NUMBERS = re.compile(r"\b(float|int|Floats)\b")
 
@@ -323,6 +328,7 @@ NUMBERS = re.compile(r"\b(float|int|Floats)\b")
         Panel,
         Light,
         Room,
+        PTZLimits,
     ],
     ids=lambda owner: owner.__name__,
 )

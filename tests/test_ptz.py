@@ -148,6 +148,11 @@ def test_equal_settings_have_equal_bits_whichever_way_they_came_about():
     assert len({repr(quantised(dataclasses.replace(CAMERA, pan_deg=pan), limits)) for pan in ways}) == 1
     zeros = [0.0, -0.0, -0.04, 360.0, -1e-12]
     assert {repr(quantised(dataclasses.replace(CAMERA, pan_deg=pan), limits).pan_deg) for pan in zeros} == {"0.0"}
+    # Zero has two sets of bits as well, whichever side it is come to from.
+    for camera in (dataclasses.replace(CAMERA, tilt_deg=tilt) for tilt in (-0.0, -1e-12)):
+        assert repr(quantised(camera, FREE).tilt_deg) == "0.0"
+    above, below = (dataclasses.replace(CAMERA, tilt_deg=tilt) for tilt in (1, -1))
+    assert repr(moved_towards(above, below, PTZLimits(tilt_speed_deg_per_s=1), 1).tilt_deg) == "0.0"
     assert quantised(dataclasses.replace(CAMERA, pan_deg=180), limits).pan_deg == -180
     assert quantised(dataclasses.replace(CAMERA, pan_deg=-180.04), limits).pan_deg == -180
 
