@@ -17,9 +17,10 @@ from pss import Box, Rectangle, Sphere
 from pss.surrogates import Mesh, Shape, any_blocks
 from render.meshes import skin
 from render.state import Marker
+from scenes.layout import upwards
 from scenes.mesh_file import holds
 
-__all__ = ["PLACES", "Solid", "Under", "crosses", "places", "stand_off_problem", "surface_under"]
+__all__ = ["Seat", "Solid", "Under", "crosses", "places", "seat", "stand_off_problem", "surface_under"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -54,6 +55,21 @@ class Under:
     highest_m: float
 
 
+@dataclass(frozen=True, eq=False)
+class Seat:
+    """Where a plate just touches the surface under it, in metres.
+
+    Attributes:
+        base_m: m, (3,), the middle of the plate.
+        normal: unit, (3,), of the plane that fits the surface best.
+        fall_m: by how much the surface falls away under the plate.
+    """
+
+    base_m: Floats
+    normal: Floats
+    fall_m: float
+
+
 def places(side_m: float) -> Floats:
     """Metres along right and up, the places of a plate, (PLACES², 2)."""
     line = np.linspace(-side_m / 2, side_m / 2, PLACES)
@@ -66,6 +82,23 @@ def surface_under(shape: Solid, centre_m: Floats, normal: Floats, up: Floats, si
     if isinstance(shape, Sphere):
         return _ball_under(frame @ (np.array(shape.centre_m) - centre_m), shape.radius_m, side_m)
     return _faces_under(_as_mesh(shape), frame, centre_m, side_m)
+
+
+def seat(shape: Solid, point_m: Floats, normal: Floats, side_m: float) -> Seat | None:
+    """How an upright plate lies on `shape` near a point (3,) of unit `normal` (3,); None if it hangs over an edge."""
+    upright = upwards(normal)
+    under = surface_under(shape, point_m, normal, upright, side_m)
+    if np.isnan(under.heights_m).any():
+        return None
+    # The plane that fits the surface best.
+    plane = np.column_stack([places(side_m), np.ones(len(under.heights_m))])
+    right, up, _ = np.linalg.lstsq(plane, under.heights_m, rcond=None)[0]
+    fitted = normal - right * np.cross(upright, normal) - up * upright
+    fitted /= np.linalg.norm(fitted)
+    under = surface_under(shape, point_m, fitted, upwards(fitted), side_m)
+    if np.isnan(under.heights_m).any():
+        return None
+    return Seat(point_m + under.highest_m * fitted, fitted, float(under.highest_m - under.heights_m.min()))
 
 
 def _ball_under(centre: Floats, radius: float, side_m: float) -> Under:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pss.surrogates import Mesh, Shape, farthest_point_order, on_mesh
 from render.state import Marker
 from scenes.layout import PLATE_OFFSET_M, marker_at, upwards
-from scenes.plates import crosses, places, surface_under
+from scenes.plates import crosses, seat
 
 __all__ = ["Spread", "spread_over"]
 
@@ -92,21 +92,11 @@ def _plate(
     flatness_m: float,
 ) -> tuple[Floats, Floats] | None:
     """Where a plate near a point (3,) of the surface just clears it, (3,), and its normal (3,); None if it may not."""
-    under = surface_under(mesh, point_m, normal, upwards(normal), side_m)
-    if np.isnan(under.heights_m).any():
+    seated = seat(mesh, point_m, normal, side_m)
+    if seated is None or seated.fall_m > flatness_m:
         return None
-    # The plane that fits the surface best.
-    plane = np.column_stack([places(side_m), np.ones(len(under.heights_m))])
-    right, up, _ = np.linalg.lstsq(plane, under.heights_m, rcond=None)[0]
-    upright = upwards(normal)
-    fitted = normal - right * np.cross(upright, normal) - up * upright
-    fitted /= np.linalg.norm(fitted)
-    upright = upwards(fitted)
-    under = surface_under(mesh, point_m, fitted, upright, side_m)
-    if np.isnan(under.heights_m).any() or under.highest_m - under.heights_m.min() > flatness_m:
-        return None
-    base = point_m + under.highest_m * fitted
-    centre = base + PLATE_OFFSET_M * fitted
+    fitted, upright = seated.normal, upwards(seated.normal)
+    centre = seated.base_m + PLATE_OFFSET_M * fitted
     half = side_m / 2 * (np.abs(np.cross(upright, fitted)) + np.abs(upright))
     low, high = centre - half, centre + half
     width, length, height = room_m
@@ -114,4 +104,4 @@ def _plate(
         return None
     if crosses((mesh, *others), centre, fitted, upright, side_m):
         return None
-    return base, fitted
+    return seated.base_m, fitted
