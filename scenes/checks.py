@@ -8,6 +8,9 @@ import numpy as np
 
 from pss import Box, GeometryError, PTZCamera, RangeError, Rectangle, Sphere
 from pss.surrogates import Mesh, Shape
+from scenes.avatar import avatar_mesh
+from scenes.avatar_checks import check_avatars
+from scenes.avatar_schema import AvatarSpec, stance_of
 from scenes.errors import Location, Problems, allowed_in
 from scenes.mesh_file import holds
 from scenes.mesh_schema import MeshSpec
@@ -36,6 +39,7 @@ def check_scene(draft: SceneSpec, problems: Problems) -> None:
         _check_pose(("cameras", index), camera, draft, problems)
     for index, item in present(draft.objects):
         _check_object(("objects", index), item, draft.room, problems)
+    check_avatars(draft, problems)
     _check_noise(draft, problems)
 
 
@@ -138,7 +142,9 @@ def _check_light(draft: SceneSpec, problems: Problems) -> None:
 # ---- objects -------------------------------------------------------------------------------------------------------
 
 
-def shape_of(item: RectangleSpec | SphereSpec | BoxSpec | MeshSpec | None) -> Rectangle | Sphere | Box | Mesh | None:
+def shape_of(
+    item: RectangleSpec | SphereSpec | BoxSpec | MeshSpec | AvatarSpec | None,
+) -> Rectangle | Sphere | Box | Mesh | None:
     """The shape that a table of [[objects]] describes; None if a part of it is missing or wrong."""
     match item:
         case RectangleSpec():
@@ -152,6 +158,9 @@ def shape_of(item: RectangleSpec | SphereSpec | BoxSpec | MeshSpec | None) -> Re
             return Box(*values) if known(*values) and _is_box(item) else None
         case MeshSpec():
             return item._mesh
+        case AvatarSpec():
+            stance = stance_of(item)
+            return avatar_mesh(stance) if stance is not None else None
     return None
 
 
@@ -170,7 +179,7 @@ def _check_object(place: Location, item: object, room: RoomSpec | None, problems
             Rectangle: ("board", "centre_m"),
             Sphere: ("ball", "centre_m"),
             Box: ("box", "highest_m"),
-            Mesh: ("mesh", "position_m"),
+            Mesh: ("avatar" if isinstance(item, AvatarSpec) else "mesh", "position_m"),
         }[type(shape)]
         if isinstance(shape, Box) and not inside_room(np.array(shape.lowest_m), size):
             key = "lowest_m"

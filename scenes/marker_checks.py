@@ -11,6 +11,8 @@ import numpy as np
 
 from pss import Rectangle, Sphere
 from render.state import Marker
+from scenes.avatar_checks import check_suit
+from scenes.avatar_schema import AvatarSpec
 from scenes.checks import extent_m, inside_room, room_allows, room_size, shape_of
 from scenes.dictionaries import DICTIONARIES, Dictionary
 from scenes.errors import Location, Problems, nearest
@@ -20,6 +22,7 @@ from scenes.plates import Solid, stand_off_problem
 from scenes.schema import GridSpec, PlacedSpec, SceneSpec, SpiralSpec
 from scenes.spec import known
 from scenes.spread import spread_over
+from scenes.suit import SUIT_SIZE
 
 __all__ = ["check_markers"]
 
@@ -28,7 +31,10 @@ MOST_IDS = max(dictionary.ids for dictionary in DICTIONARIES.values())
 
 @dataclass(frozen=True)
 class _Group:
-    """The ids that one table of the file hands out, and its markers if their places are known."""
+    """The ids that one table of the file hands out, and its markers if their places are known.
+
+    `blamed` is the key that moves its plates, if that is not the module's size or a marker's own place.
+    """
 
     place: Location
     id_key: str
@@ -36,6 +42,7 @@ class _Group:
     ids: range
     owner: str
     markers: tuple[Marker, ...] = ()
+    blamed: Location | None = None
 
 
 def check_markers(draft: SceneSpec, problems: Problems) -> None:
@@ -68,6 +75,15 @@ def _groups_on_objects(draft: SceneSpec, side_modules: float | None, problems: P
         if spec is None:
             continue
         place: Location = ("objects", index, "markers")
+        if isinstance(item, AvatarSpec):
+            if known(spec.first_id):
+                ids = range(spec.first_id, spec.first_id + SUIT_SIZE)
+                avatars = [other.name for other in draft.objects if isinstance(other, AvatarSpec)]
+                others = [shape for name, shape in _shapes(draft).items() if name not in avatars]
+                markers = check_suit(("objects", index), item, others, side_modules, problems)
+                moved_by = ("objects", index, "position_m")
+                yield _Group(place, "first_id", "first_id", ids, item.name or "", markers, moved_by)
+            continue
         counts = (spec.columns, spec.rows) if isinstance(spec, GridSpec) else (spec.count,)
         if not known(spec.first_id, *counts):
             continue
@@ -208,7 +224,7 @@ def _check_room(draft: SceneSpec, groups: list[_Group], side_modules: float, pro
         corners = [plate_corners_m(marker, side_modules * marker.module_m) for marker in group.markers]
         if corners and group.owner not in outside and not inside_room(np.array(corners), size):
             key = "module_mm" if group.id_key == "first_id" else "centre_m"
-            problems.add((*group.place, key), f"every plate {room_allows(size)}")
+            problems.add(group.blamed or (*group.place, key), f"every plate {room_allows(size)}")
 
 
 def _check_stand_off(draft: SceneSpec, groups: list[_Group], side_modules: float, problems: Problems) -> None:

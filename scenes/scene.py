@@ -9,23 +9,30 @@ from pathlib import Path
 from typing import Any
 
 from pss import (
+    Box,
     ConstantAcceleration,
     ConstantVelocity,
     ImageSensor,
     NoiseModel,
     PTZCamera,
     RandomWalk,
+    Rectangle,
+    Sphere,
     noise_model,
     visibility_tests,
 )
 from pss.process import ProcessModel
+from pss.surrogates import Mesh
 from pss.visibility import VisibilityTest
 from render.exposure import AutoExposure
-from render.state import Light, Marker, MarkerPrint, Panel, Room, SceneObject, SceneState
+from render.state import Light, Marker, MarkerPrint, Motion, Panel, Room, SceneObject, SceneState
+from scenes.avatar import walking
+from scenes.avatar_schema import AvatarSpec, stance_of
 from scenes.checks import check_scene, shape_of
+from scenes.dictionaries import DICTIONARIES
 from scenes.document import SWEEP_PREFIX, apply_overrides, read_toml, set_value
 from scenes.errors import Problems, SceneError, nearest
-from scenes.layout import markers_on, placed_marker
+from scenes.layout import markers_on, placed_marker, plate_side_m
 from scenes.marker_checks import check_markers
 from scenes.mesh_file import read_files
 from scenes.mesh_schema import MeshSpec
@@ -40,6 +47,7 @@ from scenes.schema import (
 )
 from scenes.sensor_file import start_from_named_sensor
 from scenes.spec import validate
+from scenes.suit import worn_by
 
 __all__ = ["Scene", "load_scene"]
 
@@ -160,10 +168,13 @@ def _scene(path: Path, problems: Problems) -> Scene:
 def _state(spec: SceneSpec) -> SceneState:
     shapes = [shape_of(item) for item in spec.objects]
     markers: list[Marker] = []
+    side_modules = plate_side_m(1.0, DICTIONARIES[spec.markers.dictionary], spec.markers.quiet_zone_modules)
     for item, shape in zip(spec.objects, shapes, strict=True):
         layout = getattr(item, "markers", None)
         if isinstance(item, MeshSpec):
             markers += item._spread
+        elif isinstance(item, AvatarSpec):
+            markers += [marker for marker in worn_by(item, side_modules) if marker is not None]
         elif layout is not None:
             markers += markers_on(shape, layout)
     markers += [marker for placed in spec.markers.placed if (marker := placed_marker(placed)) is not None]
@@ -172,7 +183,7 @@ def _state(spec: SceneSpec) -> SceneState:
         light=_light(spec.light),
         objects=(
             *(
-                SceneObject(shape, item.albedo, motion_of(item, shape, getattr(item, "position_m", None)))
+                SceneObject(shape, item.albedo, _motion(item, shape))
                 for item, shape in zip(spec.objects, shapes, strict=True)
             ),
             *(spec.backdrop._parts if spec.backdrop is not None else ()),
@@ -180,6 +191,14 @@ def _state(spec: SceneSpec) -> SceneState:
         markers=tuple(markers),
         print=MarkerPrint(**spec.markers.model_dump(exclude={"placed"})),
     )
+
+
+def _motion(item: Any, shape: Rectangle | Sphere | Box | Mesh) -> Motion | None:
+    if isinstance(item, AvatarSpec):
+        stance = stance_of(item)
+        assert stance is not None  # it has a shape
+        return walking(stance, item.speed_m_per_s)
+    return motion_of(item, shape, getattr(item, "position_m", None))
 
 
 def _light(spec: LightSpec) -> Light:

@@ -16,6 +16,7 @@ from pss.camera import MAX_ABS_TILT_DEG, MOST_BLADES
 from pss.legibility import VISIBILITIES
 from pss.photometry import LARGEST_PRNU_SHARE
 from render.exposure import AutoExposure
+from scenes.avatar_schema import AvatarSpec
 from scenes.dictionaries import DICTIONARIES
 from scenes.mesh_schema import BackdropSpec, MeshSpec
 from scenes.motion_schema import MovingSpec
@@ -269,7 +270,7 @@ class MetricSpec(Spec):
     visibility: Annotated[Literal[VISIBILITIES], Field(description=f"one of {', '.join(VISIBILITIES)}")] = "point"
 
 
-ObjectSpec = one_of("kind", RectangleSpec, SphereSpec, BoxSpec, MeshSpec)
+ObjectSpec = one_of("kind", RectangleSpec, SphereSpec, BoxSpec, MeshSpec, AvatarSpec)
 ProcessSpec = one_of("model", RandomWalkSpec, ConstantVelocitySpec, ConstantAccelerationSpec)
 
 
