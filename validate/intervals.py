@@ -49,10 +49,7 @@ def mid_ranks(values: Floats, weights: Floats) -> Floats:
     order = np.argsort(values, axis=-1)
     ordered, weight = np.take_along_axis(values, order, -1), np.take_along_axis(weights, order, -1)
     up_to = np.cumsum(weight, axis=-1)
-    with np.errstate(invalid="ignore"):  # ∞ − ∞: not above, hence tied
-        rises = np.diff(ordered, axis=-1) > TIED * np.maximum(np.abs(ordered[..., 1:]), np.abs(ordered[..., :-1]))
-    # ∞ × TIED is ∞, and nothing rises above that: the step to or from an infinite value is one for itself.
-    rises |= np.isinf(ordered[..., 1:]) != np.isinf(ordered[..., :-1])
+    rises = _rises(ordered)
     edge = np.ones((*rises.shape[:-1], 1), dtype=bool)
     # Within a group of ties: the weight before its first member and up to its last one.
     before = np.maximum.accumulate(np.where(np.concatenate([edge, rises], -1), up_to - weight, -np.inf), axis=-1)
@@ -63,15 +60,20 @@ def mid_ranks(values: Floats, weights: Floats) -> Floats:
     return ranks
 
 
+def _rises(ordered: Floats) -> NDArray[np.bool_]:
+    """Whether each value but the first of (..., K), sorted, is above the one before it: the others are ties."""
+    with np.errstate(invalid="ignore"):  # ∞ − ∞: not above, hence tied
+        rises = np.diff(ordered, axis=-1) > TIED * np.maximum(np.abs(ordered[..., 1:]), np.abs(ordered[..., :-1]))
+    # ∞ × TIED is ∞, and nothing rises above that: the step to or from an infinite value is one for itself.
+    return np.asarray(rises | (np.isinf(ordered[..., 1:]) != np.isinf(ordered[..., :-1])))
+
+
 def tie_groups(values: Floats) -> NDArray[np.int64]:
     """The place of each of (K,) values among the different ones, from 0: what `mid_ranks` takes to be tied is one."""
     order = np.argsort(values)
     ordered = values[order]
-    with np.errstate(invalid="ignore"):  # ∞ − ∞: not above, hence tied
-        rises = np.diff(ordered) > TIED * np.maximum(np.abs(ordered[1:]), np.abs(ordered[:-1]))
-    rises |= np.isinf(ordered[1:]) != np.isinf(ordered[:-1])
     groups = np.empty(len(values), dtype=np.int64)
-    groups[order] = np.concatenate([[0], np.cumsum(rises)])
+    groups[order] = np.concatenate([[0], np.cumsum(_rises(ordered))])
     return groups
 
 

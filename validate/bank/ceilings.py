@@ -16,9 +16,9 @@ from validate.acquire import Acquired
 from validate.bank.consistency import of_errors, pooled_spearman, root_trace_of
 from validate.bank.design import ViewBank
 from validate.bank.measured import BankData, residual_moments
-from validate.bank.predicted import Contender, GivenCovariance, GivenVisibility, PredictionTask, predict_all
+from validate.bank.predicted import Contender, GivenCovariance, GivenVisibility
 from validate.bank.ranking import Judged, Resamples, judge_against, with_interval
-from validate.bank.study import appearance_of
+from validate.bank.study import appearance_of, predictions
 from validate.bank.verdict import RESAMPLES, CountVerdict, single_frame_terms
 
 __all__ = ["oracle_rows", "parts_rows"]
@@ -50,17 +50,7 @@ def oracle_rows(bank: ViewBank, data: BankData, verdict: CountVerdict, rng: np.r
         )
         for half, residuals in enumerate(halves)
     )
-    task = PredictionTask(
-        bank.cameras,
-        state.points_m,
-        state.normals,
-        state.occluders,
-        None,
-        data.process,
-        contenders,
-        {contender.name: () for contender in contenders},
-    )
-    predicted = predict_all(task, verdict.configurations.tolist())
+    predicted = predictions(bank, contenders, verdict.configurations, None)
     oracle = CountVerdict(verdict.cameras, verdict.configurations, verdict.measured, predicted)
     for contender, other in zip(contenders, (1, 0), strict=True):
         found.append(judge_against(oracle.terms(contender.name, "pss-single-frame"), terms[other], chance))
@@ -98,17 +88,7 @@ def parts_rows(
     parts = [(model, kind, tests) for model in models for kind, tests in (*visibilities.items(), (KNOWN, found))]
     parts.append((NoiseModel("measured pixel errors", (moments,)), KNOWN, found))
     contenders = tuple(Contender(f"{model.name}, {kind}", model, tests) for model, kind, tests in parts)
-    task = PredictionTask(
-        bank.cameras,
-        state.points_m,
-        state.normals,
-        state.occluders,
-        views.appearance,
-        data.process,
-        contenders,
-        {contender.name: () for contender in contenders},
-    )
-    predictions = predict_all(task, verdict.configurations.tolist())
+    found_by_all = predictions(bank, contenders, verdict.configurations, views.appearance)
     rng = random_stream(data.seed, bank.scene.path.name, f"parts of {verdict.cameras}")
     chance = Resamples.drawn(verdict.configurations, len(state.points_m), rng, RESAMPLES)
     errors = np.array([f.errors.errors_m for f in verdict.measured])
@@ -116,7 +96,7 @@ def parts_rows(
     terms = np.array([f.errors.inverse_sigma for f in verdict.measured])
     rows = []
     for contender, (model, kind, _) in zip(contenders, parts, strict=True):
-        predicted = [of_all[contender.name] for of_all in predictions]
+        predicted = [of_all[contender.name] for of_all in found_by_all]
         covariance = np.array([p.covariance_m2 for p in predicted])
         ranked = judge_against(np.array([single_frame_terms(p) for p in predicted]), terms, chance)
         rows.append(

@@ -18,9 +18,9 @@ from scenes import load_scene
 from scenes.sweep_file import SWEEPS
 from validate.bank.design import BankDesign, draw_configurations, held_out_views, training_views
 from validate.bank.miscalibrated_figure import draw
-from validate.bank.predicted import Contender, PredictionTask, predict_all
+from validate.bank.predicted import Contender
 from validate.bank.prepare import acquire_banks, calibrate
-from validate.bank.study import appearance_of, data_of, noise_models, visibilities
+from validate.bank.study import appearance_of, data_of, noise_models, predictions, visibilities
 from validate.bank.verdict import single_frame_terms
 from validate.calibration_error import study
 from validate.tables import write_csv
@@ -69,23 +69,14 @@ def run(
     if acquired is None:
         return 1
     calibration = calibrate(training, acquired, design, out)
-    data, state = data_of(bank, acquired, seed), loaded.state
+    data = data_of(bank, acquired, seed)
     rng = random_stream(seed, bank.scene.path.name, "calibration error")
     drawn = draw_configurations([camera.name for camera in bank.cameras], CAMERAS, configurations, rng)
     tests = visibilities(calibration)["fitted limits"]
 
     def predict(model: NoiseModel) -> Floats:
-        task = PredictionTask(
-            bank.cameras,
-            state.points_m,
-            state.normals,
-            state.occluders,
-            appearance_of(loaded, acquired),
-            loaded.process,
-            (Contender("asked", model, tests),),
-            {"asked": ()},
-        )
-        return np.array([single_frame_terms(found["asked"]) for found in predict_all(task, drawn.tolist())])
+        found = predictions(bank, [Contender("asked", model, tests)], drawn, appearance_of(loaded, acquired))
+        return np.array([single_frame_terms(of_all["asked"]) for of_all in found])
 
     model = noise_models(loaded, calibration)[-1]
     rows = study(data, drawn, model, predict)

@@ -13,9 +13,9 @@ from scenes import Scene
 from validate.acquire import Acquired
 from validate.bank.design import ViewBank
 from validate.bank.measured import BankData
-from validate.bank.predicted import Contender, PredictionTask, predict_all
+from validate.bank.predicted import Contender
 from validate.bank.ranking import Resamples, judge_against, with_interval
-from validate.bank.study import appearance_of
+from validate.bank.study import appearance_of, predictions
 from validate.bank.verdict import RESAMPLES, CountVerdict, single_frame_terms
 
 __all__ = ["sensitivity_rows", "variants"]
@@ -51,22 +51,12 @@ def sensitivity_rows(
     bank: ViewBank, data: BankData, verdict: CountVerdict, tests: Sequence[VisibilityTest], acquired: Acquired
 ) -> list[Row]:
     """A row for each variant: Spearman of its single-frame PSS with the measured one, with a 95 % interval."""
-    state = bank.scene.state
     named = variants(bank.scene, tests)
-    contenders = tuple(contender for _, contender in named)
-    task = PredictionTask(
-        bank.cameras,
-        state.points_m,
-        state.normals,
-        state.occluders,
-        appearance_of(bank.scene, acquired),
-        data.process,
-        contenders,
-        {contender.name: () for contender in contenders},
-    )
-    predictions = predict_all(task, verdict.configurations.tolist())
+    contenders = [contender for _, contender in named]
+    appearance = appearance_of(bank.scene, acquired)
+    found_by_all = predictions(bank, contenders, verdict.configurations, appearance)
     rng = random_stream(data.seed, bank.scene.path.name, f"sensitivity of {verdict.cameras}")
-    chance = Resamples.drawn(verdict.configurations, len(state.points_m), rng, RESAMPLES)
+    chance = Resamples.drawn(verdict.configurations, len(data.points_m), rng, RESAMPLES)
     measured = np.array([found.errors.inverse_sigma for found in verdict.measured])
     return [
         {
@@ -75,7 +65,7 @@ def sensitivity_rows(
             **with_interval(
                 "spearman",
                 judge_against(
-                    np.array([single_frame_terms(of_all[contender.name]) for of_all in predictions]), measured, chance
+                    np.array([single_frame_terms(of_all[contender.name]) for of_all in found_by_all]), measured, chance
                 ),
             ),
         }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from scenes import Scene
 from validate.acquire import Acquired
 from validate.bank.design import ViewBank, draw_configurations
 from validate.bank.measured import BankData, measure_all
-from validate.bank.predicted import Contender, PredictionTask, predict_all
+from validate.bank.predicted import Contender, Predicted, PredictionTask, predict_all
 from validate.bank.verdict import CountVerdict
 from validate.calibrate import Fitted, factor_covariances, fit_best_form, pixel_moments
 from validate.calibrate_limits import FittedLimits, fit_limits
@@ -30,6 +30,7 @@ __all__ = [
     "data_of",
     "limits_of",
     "noise_models",
+    "predictions",
     "scene_contenders",
     "verdict_of",
     "visibilities",
@@ -113,6 +114,30 @@ def asked_pairs() -> list[tuple[str, str]]:
     return pairs + [("physical", "visibility-count"), (PHYSICAL_WHOLE, "visibility-count")]
 
 
+def predictions(
+    bank: ViewBank,
+    contenders: Sequence[Contender],
+    configurations: NDArray[np.int64],
+    appearance: Appearance | None,
+    needs: Mapping[str, tuple[str, ...]] | None = None,
+    filtered: bool = False,
+) -> list[dict[str, Predicted]]:
+    """What each contender says of each configuration; `needs`: by contender, the metrics that are asked (else none)."""
+    state = bank.scene.state
+    task = PredictionTask(
+        bank.cameras,
+        state.points_m,
+        state.normals,
+        state.occluders,
+        appearance,
+        bank.scene.process,
+        tuple(contenders),
+        {contender.name: () for contender in contenders} if needs is None else needs,
+        filtered,
+    )
+    return predict_all(task, configurations.tolist())
+
+
 def verdict_of(
     bank: ViewBank,
     data: BankData,
@@ -127,20 +152,8 @@ def verdict_of(
     rng = random_stream(seed, bank.scene.path.name, f"configurations of {cameras}")
     names = [camera.name for camera in bank.cameras]
     configurations = draw_configurations(names, cameras, count, rng)
-    state = bank.scene.state
     needs: dict[str, tuple[str, ...]] = {contender.name: () for contender in contenders}
     for name, metric in asked_pairs():
         needs[name] += (metric,)
-    task = PredictionTask(
-        bank.cameras,
-        state.points_m,
-        state.normals,
-        state.occluders,
-        appearance_of(bank.scene, acquired),
-        bank.scene.process,
-        tuple(contenders),
-        needs,
-        filtered,
-    )
-    chosen = configurations.tolist()
-    return CountVerdict(cameras, configurations, measure_all(data, chosen, filtered), predict_all(task, chosen))
+    predicted = predictions(bank, contenders, configurations, appearance_of(bank.scene, acquired), needs, filtered)
+    return CountVerdict(cameras, configurations, measure_all(data, configurations.tolist(), filtered), predicted)
