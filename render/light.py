@@ -12,13 +12,15 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pss.surrogates import Mesh, Shape, any_blocks
+from pss.surrogates import Shape, any_blocks
 from render.patches import scene_patches
 from render.state import SceneState
+from render.traced_meshes import with_traced_meshes
 
 __all__ = ["Radiosity", "UnitLight", "form_factors", "solve_light", "solve_radiosity"]
 
@@ -67,16 +69,20 @@ class UnitLight:
         return np.ones(len(points_m))
 
 
-def solve_light(state: SceneState) -> Radiosity | UnitLight:
-    """What irradiance is looked up from: the inter-reflection of the lamps' light, or ones under ring lights."""
-    return UnitLight() if state.light.ring_w_per_sr > 0 else solve_radiosity(state)
+def solve_light(state: SceneState, mi: Any | None = None) -> Radiosity | UnitLight:
+    """What irradiance is looked up from: the inter-reflection of the lamps' light, or ones under ring lights.
+
+    Args:
+        mi: Mitsuba, to be asked what meshes hide; None asks the metric's own meshes, which takes much longer.
+    """
+    return UnitLight() if state.light.ring_w_per_sr > 0 else solve_radiosity(state, mi)
 
 
-def solve_radiosity(state: SceneState) -> Radiosity:
-    """Solve the inter-reflection of the scene's surfaces: B = M + ρ F B over its patches."""
+def solve_radiosity(state: SceneState, mi: Any | None = None) -> Radiosity:
+    """Solve the inter-reflection of the scene's surfaces: B = M + ρ F B over its patches; `mi` as in `solve_light`."""
     patches = scene_patches(state)
     corners, centres, normals = patches.corners_m, patches.centres_m, patches.normals
-    occluders = _joined(state.occluders)
+    occluders = with_traced_meshes(state.occluders, mi)
 
     def factors(part: slice) -> Floats:
         return _seen_form_factors(centres[part], normals[part], corners, centres, normals, occluders)
@@ -84,17 +90,6 @@ def solve_radiosity(state: SceneState) -> Radiosity:
     received = _in_parts(factors, len(centres))
     radiosity = np.linalg.solve(np.eye(len(centres)) - patches.albedo[:, None] * received, patches.emitted)
     return Radiosity(corners, centres, normals, radiosity, occluders)
-
-
-def _joined(shapes: tuple[Shape, ...]) -> tuple[Shape, ...]:
-    """The same obstacles with all meshes as one: one search for each ray in place of one for each mesh."""
-    meshes = [shape for shape in shapes if isinstance(shape, Mesh)]
-    if len(meshes) < 2:
-        return shapes
-    first = np.cumsum([0, *(len(mesh.vertices_m) for mesh in meshes)])
-    faces = np.concatenate([mesh.faces + begin for mesh, begin in zip(meshes, first, strict=False)])
-    joined = Mesh("meshes", np.concatenate([mesh.vertices_m for mesh in meshes]), faces)
-    return (*(shape for shape in shapes if not isinstance(shape, Mesh)), joined)
 
 
 def form_factors(points_m: Floats, normals: Floats, corners_m: Floats) -> Floats:

@@ -30,6 +30,8 @@ Floats = NDArray[np.floating]
 
 # Raised whenever the code changes what is rendered, so that stored views of older code are not taken for today's.
 RENDER_VERSION = 6
+# Likewise, where only the light of scenes with meshes changes.
+MESH_LIGHT_VERSION = 1
 # An edge crosses a marker's pixel where the samples within it spread (σ) by more than this many times its sensor noise.
 EDGE_SPREAD = 0.5
 # Side of the window over which the certificate pools the noise of edge pixels.
@@ -52,7 +54,12 @@ def _plain(value: object) -> object:
 
 def state_key(state: SceneState) -> str:
     """Hash of a scene state: the name under which its solved light is stored."""
-    return _digest([RENDER_VERSION, state])
+    versions = [RENDER_VERSION, MESH_LIGHT_VERSION] if _has_meshes(state) else [RENDER_VERSION]
+    return _digest([*versions, state])
+
+
+def _has_meshes(state: SceneState) -> bool:
+    return any(isinstance(item.shape, Mesh) for item in state.objects)
 
 
 @dataclass(frozen=True)

@@ -86,7 +86,7 @@ def acquire(
                 raise
             pool.shutdown()
     for state in {state_key(item.request.state): item.request.state for item in unique}.items():
-        acquired.appearances[state[0]] = glow.appearance(state[1], baked(state[1], store))
+        acquired.appearances[state[0]] = glow.appearance(state[1], baked(state[1], store, chosen))
     for item in unique:
         if item.request.key in acquired.failed:
             continue
@@ -168,16 +168,16 @@ def _collect(waiting: dict[Future[Path], Acquisition], progress: ViewProgress, a
 def _renderer(state: SceneState, store: Store, chosen: backend.Backend, renderers: dict[str, Renderer]) -> Renderer:
     key = state_key(state)
     if key not in renderers:
-        renderers[key] = Renderer(state, baked(state, store), chosen)
+        renderers[key] = Renderer(state, baked(state, store, chosen), chosen)
     return renderers[key]
 
 
-def baked(state: SceneState, store: Store) -> glow.GlowMeshes:
-    """The lit scene of a state, from the store or solved now."""
+def baked(state: SceneState, store: Store, chosen: backend.Backend | None = None) -> glow.GlowMeshes:
+    """The lit scene of a state, from the store or solved now: by `chosen`'s rays where meshes stand in the way."""
     path = store.light(state_key(state))
     arrays = store.load(path)
     if arrays is None:
-        meshes = glow.bake(state, solve_light(state))
+        meshes = glow.bake(state, solve_light(state, backend.start(chosen) if chosen else None))
         store.save(path, {name: np.asarray(value) for name, value in vars(meshes).items()})
         return meshes
     return glow.GlowMeshes(**arrays)

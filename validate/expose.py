@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from render import glow
+from render.backend import Backend
 from render.exposure import ExposureChoice, choose_exposure
 from render.view import state_key
 from scenes import Scene, SweepFile
@@ -17,7 +18,11 @@ Loaded = tuple[SweepFile, Scene]
 
 
 def with_exposures(
-    loaded: Sequence[Loaded], store: Store, say: Callable[[str], None], note: Callable[[str], None]
+    loaded: Sequence[Loaded],
+    store: Store,
+    say: Callable[[str], None],
+    note: Callable[[str], None],
+    chosen_backend: Backend | None = None,
 ) -> list[Loaded]:
     """The same sweeps, with an exposure for every scene that leaves its own to be chosen.
 
@@ -26,6 +31,7 @@ def with_exposures(
     Args:
         say: is told each choice, in one line.
         note: is told what takes a while.
+        chosen_backend: as of `validate.acquire.baked`.
     """
     open_scenes: dict[object, list[Loaded]] = {}
     for sweep, scene in loaded:
@@ -37,7 +43,7 @@ def with_exposures(
         scene = members[0][1]
         if not store.light(state_key(scene.state)).exists():
             note("solving the scene's light, by which the exposure is chosen")
-        choice = _choose(members, store)
+        choice = _choose(members, store, chosen_backend)
         chosen[group] = choice.exposure_ms
         where = f" of {scene.path.name}" if len(open_scenes) > 1 else ""
         say(f"exposure{where}: {_described(choice, scene)}")
@@ -49,7 +55,7 @@ def with_exposures(
     ]
 
 
-def _choose(members: Sequence[Loaded], store: Store) -> ExposureChoice:
+def _choose(members: Sequence[Loaded], store: Store, chosen_backend: Backend | None) -> ExposureChoice:
     scene = members[0][1]
     state = scene.state
     cameras = (
@@ -58,7 +64,7 @@ def _choose(members: Sequence[Loaded], store: Store) -> ExposureChoice:
         for configuration in sweep.configurations(with_its_cameras)
         for camera in configuration.cameras
     )
-    look = glow.appearance(state, baked(state, store))
+    look = glow.appearance(state, baked(state, store, chosen_backend))
     assert scene.auto_exposure is not None
     return choose_exposure(look, state.points_m, state.normals, cameras, scene.sensor, scene.auto_exposure)
 

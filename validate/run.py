@@ -70,6 +70,7 @@ def execute(options: Options, console: Console, errors: Console) -> int:
         store,
         lambda line: console.print(line, markup=False, soft_wrap=True),
         lambda line: errors.print(line, markup=False, soft_wrap=True),
+        chosen,
     )
     plans = [
         plan(sweep, scene, chosen.identity, Sampling(noise_ratio=sweep.render_noise_ratio)) for sweep, scene in exposed
