@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -47,6 +47,7 @@ class SweepSpec(Spec):
     render_noise_ratio: Annotated[
         Number, Field(gt=0, le=10, description="a number above 0, at most 10: of the sensor's noise (σ)")
     ] = 0.6
+    search: Literal["plain", "thorough"] = Field("plain", description="plain, or thorough (finds more small markers)")
     active: Names | None = Field(None, description="a list of one or more names of cameras")
     vary: one_of("parameter", SettingSpec, SelectionSpec, SceneStepsSpec)
 
@@ -63,6 +64,7 @@ class SweepFile:
         trials: noisy captures of each view.
         render_noise_ratio: bound on a view's sampling noise at the edges of markers, in units of the sensor's noise.
         seed: of the run.
+        search: how markers are looked for, a name in `validate.detect.SEARCHES`.
     """
 
     name: str
@@ -72,6 +74,7 @@ class SweepFile:
     trials: int
     render_noise_ratio: float
     seed: int
+    search: str
     _spec: SweepSpec = dataclasses.field(repr=False)
     _document: dict[str, Any] = dataclasses.field(repr=False, compare=False)
 
@@ -122,6 +125,7 @@ def load_sweep(path_or_name: str | Path, overrides: Iterable[str] = ()) -> Sweep
         trials=spec.trials,
         render_noise_ratio=spec.render_noise_ratio,
         seed=spec.seed,
+        search=spec.search,
         _spec=spec,
         _document=problems.document,
     )

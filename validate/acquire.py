@@ -33,17 +33,20 @@ MOST_WAITING = 4
 
 @dataclass(frozen=True)
 class Acquisition:
-    """A view that is wanted, with the trials to be measured on it."""
+    """A view that is wanted, with the trials to be measured on it and how markers are searched in them."""
 
     request: ViewRequest
     seed: int
     trials: int
+    search: str = "plain"
 
     def task(self, store: Store) -> MeasureTask:
         """The measuring task of this view."""
         state = self.request.state
         ids = tuple(marker.id for marker in state.markers)
-        return MeasureTask(store.folder, self.request.key, state.print.dictionary, ids, self.seed, self.trials)
+        return MeasureTask(
+            store.folder, self.request.key, state.print.dictionary, ids, self.seed, self.trials, self.search
+        )
 
 
 @dataclass

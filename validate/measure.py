@@ -25,7 +25,7 @@ from pss import ImageSensor
 from render.exr import read_view
 from render.sensor import capture, fixed_pattern
 from render.view import random_stream
-from validate.detect import find_markers
+from validate.detect import SEARCHES, Search, find_markers
 from validate.localise import localise
 from validate.store import Store, discard_unfinished
 
@@ -80,22 +80,29 @@ class MeasureTask:
     marker_ids: tuple[int, ...]
     seed: int
     trials: int
+    search: str = "plain"
 
     @property
     def path(self) -> Path:
         """Where the measurement is stored."""
         detector = f"{DETECTOR}/{self.dictionary}/{','.join(map(str, self.marker_ids))}"
+        if self.search != "plain":
+            detector += f"/{SEARCHES[self.search]}"
         return Store(self.store).measurement(self.view_key, detector, self.seed, self.trials)
 
 
 def measure_capture(
-    capture_dn: NDArray[np.uint16], dictionary: str, marker_ids: tuple[int, ...], sensor: ImageSensor
+    capture_dn: NDArray[np.uint16],
+    dictionary: str,
+    marker_ids: tuple[int, ...],
+    sensor: ImageSensor,
+    search: Search = SEARCHES["plain"],
 ) -> tuple[Floats, Floats, int]:
     """Find and localise markers in one capture: pixels (N, 2), covariance (N, 2, 2), and the number of strangers."""
     pixels = np.full((len(marker_ids), 2), np.nan)
     covariance = np.full((len(marker_ids), 2, 2), np.nan)
     index = {marker: number for number, marker in enumerate(marker_ids)}
-    found = find_markers(capture_dn, dictionary)
+    found = find_markers(capture_dn, dictionary, search)
     strangers = 0
     for marker, corners in zip(found.ids.tolist(), found.corners_px, strict=True):
         if marker not in index:
@@ -118,7 +125,7 @@ def measure(task: MeasureTask) -> Path:
     for trial in range(task.trials):
         rng = random_stream(task.seed, task.view_key, "capture", trial)
         numbers = capture(electrons, view.sensor, rng, pattern)
-        trials.append(measure_capture(numbers, task.dictionary, task.marker_ids, view.sensor))
+        trials.append(measure_capture(numbers, task.dictionary, task.marker_ids, view.sensor, SEARCHES[task.search]))
     pixels, covariances, strangers = zip(*trials, strict=True)
     store.save(
         task.path,

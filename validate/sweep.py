@@ -89,6 +89,7 @@ def plan(sweep: SweepFile, scene: Scene, renderer: str, sampling: Sampling) -> P
                 ViewRequest(configuration.scene.state, camera, configuration.scene.sensor, sampling, renderer),
                 sweep.seed,
                 sweep.trials,
+                sweep.search,
             )
             for camera in configuration.cameras
         )
