@@ -127,9 +127,12 @@ def _make(
 ) -> None:
     waiting: dict[Future[Path], Acquisition] = {}
     renderers: dict[str, Renderer] = {}
-    for item in todo:
+    for item in _by_state(todo):
         raise_if_interrupted()
         request = item.request
+        if state_key(request.state) not in renderers:
+            # The last state's scene and its instants of motion are not needed any more.
+            renderers.clear()
         if not _certified(item, store, acquired):
             light_is_solved = state_key(request.state) in renderers or store.light(state_key(request.state)).exists()
             progress.note(f"rendering camera {request.camera.name}" if light_is_solved else "solving the scene's light")
@@ -154,6 +157,14 @@ def _make(
         raise_if_interrupted()
         _collect(waiting, progress, acquired)
     raise_if_interrupted()
+
+
+def _by_state(todo: list[Acquisition]) -> list[Acquisition]:
+    """The same, those of one scene state together, in the order in which the states come first."""
+    first: dict[str, int] = {}
+    for item in todo:
+        first.setdefault(state_key(item.request.state), len(first))
+    return sorted(todo, key=lambda item: first[state_key(item.request.state)])
 
 
 def _collect(waiting: dict[Future[Path], Acquisition], progress: ViewProgress, acquired: Acquired) -> None:

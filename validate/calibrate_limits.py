@@ -17,7 +17,7 @@ from pss.surrogates import Shape
 from pss.views import Views
 from pss.visibility import visible_in
 
-__all__ = ["FittedLimits", "fit_limits"]
+__all__ = ["FittedLimits", "fit_limits", "limits_of_targets", "whole_targets"]
 
 Floats = NDArray[np.float64]
 
@@ -60,10 +60,23 @@ def fit_limits(views: Views, occluders: tuple[Shape, ...], detection_rate: Float
     Raises:
         RangeError: no target is seen as a whole.
     """
+    return limits_of_targets(*whole_targets(views, occluders, detection_rate))
+
+
+def whole_targets(views: Views, occluders: tuple[Shape, ...], detection_rate: Floats) -> tuple[Floats, Floats, Floats]:
+    """The targets that are in view as a whole: their modules' narrow sides in px, blurs in modules and rates, (M,)."""
     whole = visible_in(views, occluders, TARGET_VISIBILITY)
-    if not whole.any():
+    return narrow_side_px(views)[whole], blur_modules(views)[whole], detection_rate[whole]
+
+
+def limits_of_targets(module: Floats, blur: Floats, rate: Floats) -> FittedLimits:
+    """`fit_limits` of targets that are known to be in view as a whole: what `whole_targets` gives, or several of it.
+
+    Raises:
+        RangeError: there is none.
+    """
+    if not len(module):
         raise RangeError("no view has a whole marker in it; allowed: at least one to fit limits of detection to")
-    module, blur, rate = narrow_side_px(views)[whole], blur_modules(views)[whole], detection_rate[whole]
     # What is told right: what is found of those within the limits, what is missed of those beyond.
     large, sharp = module >= SMALLEST_MODULES_PX[:, None], blur <= LARGEST_BLURS[:, None]
     gain = (large * (2 * rate - 1)) @ sharp.T.astype(float)

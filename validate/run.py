@@ -8,7 +8,7 @@ import json
 import os
 import platform
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,7 +26,7 @@ from validate.store import Store, StoreError, write_text
 from validate.sweep import Plan, SweepResult, assess_sweep, plan
 from validate.warnings_of_views import warn_of_render_noise, warn_of_saturation
 
-__all__ = ["Options", "execute"]
+__all__ = ["MEGABYTES_A_VIEW", "Options", "execute", "linked_views"]
 
 MEGABYTES_A_VIEW = 10
 
@@ -182,9 +182,14 @@ def _write(
     tables.write_csv(folder / "correlation.csv", [r for result in whole for r in compare.correlation_rows(result)])
     tables.write_csv(folder / "claims.csv", [r for result in whole for r in claims.claim_rows(result)])
     tables.write_csv(folder / "slopes.csv", [r for result in whole for r in slopes.slope_rows(result)])
+    linked_views(folder, sorted({item.request.key for item in wanted} - set(acquired.failed)), store)
+
+
+def linked_views(folder: Path, keys: Iterable[str], store: Store) -> None:
+    """Point `views/` of a run's folder into the store."""
     views = folder / "views"
     views.mkdir(parents=True, exist_ok=True)
-    for key in {item.request.key for item in wanted} - set(acquired.failed):
+    for key in dict.fromkeys(keys):
         link, target = views / f"{key}.exr", store.view(key)
         if link.is_symlink() or link.exists():
             link.unlink()

@@ -24,6 +24,7 @@ SUBCOMMANDS = {
     "bank": "validate.bank.command",
     "calibration-error": "validate.bank.miscalibrated",
     "pixel-noise": "validate.pixel_noise.command",
+    "schedule": "validate.hallway.command",
 }
 RESERVED = ("store", "compare", "check", "new-scene", "figures")
 DESCRIPTION = """Predict and measure sweeps of camera settings; see README.md for what is left in the results folder.
@@ -34,6 +35,7 @@ Examples:
   run_sweep.py my_sweep.toml --out results/mine --trials 50
   run_sweep.py bank            all metrics and noise models on configurations from a bank of views (bank --help)
   run_sweep.py calibration-error   how PSS ranks the bank's configurations if cameras are wrongly calibrated
+  run_sweep.py schedule hallway    cameras follow two people who pass each other, by one strategy after the other
   run_sweep.py pixel-noise     a marker's bias and σ against blur, size, incidence and signal (pixel-noise --help)"""
 EXIT_DONE, EXIT_FAILED, EXIT_MISTAKE, EXIT_INTERRUPTED = 0, 1, 2, 130
 

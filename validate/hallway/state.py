@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -15,7 +16,7 @@ from pss.noise import NoiseModel
 from pss.process import require_positive
 from pss.ptz import PTZLimits, follow, moved_towards
 from pss.steady_state import Process
-from pss.surrogates import Cylinder, Shape, Surrogate
+from pss.surrogates import Box, Cylinder, Mesh, Shape, Surrogate
 from scenes.errors import nearest
 
 __all__ = ["Assignment", "Avatar", "Plan", "StrategyState"]
@@ -30,11 +31,12 @@ SURFACE_M = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Avatar:
-    """A walking target: points of interest on an upright cylinder that hides what is behind it.
+    """A walking target: points of interest, on an upright cylinder or a solid of its own that hides what is behind it.
 
     Attributes:
         surrogate: points and normals about the middle of the avatar, N of them, none inside the cylinder.
         radius_m, height_m: m, the cylinder.
+        solid: a box or a mesh about the middle, in place of the cylinder.
 
     Raises:
         RangeError: a size that is not above 0, or a point inside the cylinder, which no camera could ever see.
@@ -43,10 +45,13 @@ class Avatar:
     surrogate: Surrogate
     radius_m: float = 0.25
     height_m: float = 1.8
+    solid: Box | Mesh | None = None
 
     def __post_init__(self) -> None:
         require_positive("radius_m", self.radius_m, "m")
         require_positive("height_m", self.height_m, "m")
+        if self.solid is not None:
+            return
         points = self.surrogate.points_m
         inside = np.hypot(points[:, 0], points[:, 1]) < self.radius_m - SURFACE_M
         inside &= np.abs(points[:, 2]) < self.height_m / 2 - SURFACE_M
@@ -54,9 +59,16 @@ class Avatar:
             place = tuple(points[inside.argmax()].tolist())
             raise RangeError(f"a point of interest at {place} is inside its own body; allowed: on it or outside")
 
-    def body(self, name: str, middle_m: Floats) -> Cylinder:
-        """The cylinder about `middle_m`, m, (3,)."""
+    def body(self, name: str, middle_m: Floats) -> Cylinder | Box | Mesh:
+        """What hides things about `middle_m`, m, (3,)."""
         x, y, z = (float(value) for value in middle_m)
+        if isinstance(self.solid, Mesh):
+            return dataclasses.replace(self.solid.moved((x, y, z)), name=name)
+        if isinstance(self.solid, Box):
+            low, high = (
+                tuple((np.array(corner) + middle_m).tolist()) for corner in (self.solid.lowest_m, self.solid.highest_m)
+            )
+            return Box(name, low, high)
         return Cylinder(name, (x, y, z), self.radius_m, self.height_m)
 
 

@@ -1,0 +1,197 @@
+"""A schedule file: two people who walk past each other, and the strategies by which cameras follow them."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from scenes.document import SWEEP_PREFIX, apply_overrides, read_toml
+from scenes.errors import Location, Problems, SceneError, nearest
+from scenes.quantities import Metres
+from scenes.spec import Name, Number, Positive, Spec, validate
+
+__all__ = [
+    "SURROGATES",
+    "MotorsSpec",
+    "ProcessRateSpec",
+    "RealWalkSpec",
+    "ScheduleFile",
+    "ScheduleSpec",
+    "TargetSpec",
+    "TrackingSpec",
+    "WalkSpec",
+    "known_schedules",
+    "load_schedule",
+]
+
+SCHEDULES = Path(__file__).parent / "schedules"
+"""Where the schedules that go by a bare name are."""
+
+SURROGATES = ("cylinder", "box", "mesh", "markers")
+UNLIMITED = "none"
+
+Range = Annotated[tuple[Number, Number], Field(description="[lowest, highest], in degrees")]
+PerSecond = Annotated[Positive, Field(description="a number above 0, each second")]
+Rate = Annotated[Positive, Field(description="a number above 0, in frames a second")]
+Density = Annotated[Positive, Field(description="a number above 0, in m²/s³")]
+Trials = Annotated[int, Field(strict=True, ge=2, description="a whole number, 2 or more")]
+
+
+class WalkSpec(Spec):
+    """[walk]: two straight lanes along y, walked in opposite directions."""
+
+    steps: Annotated[int, Field(strict=True, ge=3, description="a whole number, 3 or more")] = 21
+    reach_m: Metres = 4.0
+    lane_m: Metres = 0.6
+    speed_m_per_s: Annotated[Positive, Field(description="a number above 0, in metres per second")] = 1.2
+
+
+class TargetSpec(Spec):
+    """[target]: the sphere that a camera is zoomed to."""
+
+    radius_m: Metres = 0.95
+    height_m: Metres = 0.9
+
+
+class MotorsSpec(Spec):
+    """[motors]: `pss.ptz_limits.PTZLimits`, but for the zoom's range; what is left out is not limited."""
+
+    pan_range_deg: Range | None = Field(None, description="[lowest, highest], in degrees")
+    tilt_range_deg: Range | None = Field(None, description="[lowest, highest], in degrees")
+    pan_speed_deg_per_s: PerSecond | None = Field(None, description="a number above 0, each second")
+    tilt_speed_deg_per_s: PerSecond | None = Field(None, description="a number above 0, each second")
+    zoom_factor_per_s: Annotated[Number, Field(gt=1)] | None = Field(None, description="a number above 1, each second")
+    focus_speed_dioptre_per_s: PerSecond | None = Field(None, description="a number above 0, each second")
+    pan_step_deg: Positive = 0.01
+    tilt_step_deg: Positive = 0.01
+    zoom_step: Positive = 0.001
+    focus_step_dioptre: Positive = 0.001
+
+
+class TrackingSpec(Spec):
+    """[tracking]: what the cameras are steered by."""
+
+    frame_rate_hz: Rate = 30.0
+    sigma_m: Metres = 0.03
+    latency_s: Annotated[Number, Field(ge=0, description="a number, 0 or more, in seconds")] = 0.1
+    acceleration_density_m2_s3: Density = 0.5
+    lost_after_frames: Annotated[int, Field(strict=True, ge=1, description="a whole number, 1 or more")] = 15
+
+
+class ProcessRateSpec(Spec):
+    """[process]: constant velocity, of the metric and of the filters."""
+
+    acceleration_density_m2_s3: Density = 0.1
+    frame_rate_hz: Rate = 30.0
+
+
+class RealWalkSpec(Spec):
+    """[real_walk]: rendered frame by frame under one strategy."""
+
+    strategy: Name
+    frames_per_s: Rate = 7.5
+    trials: Trials = 5
+
+
+class ScheduleSpec(Spec):
+    """A whole schedule file; `scene` is a path from where the file is."""
+
+    scene: Annotated[str, Field(strict=True, min_length=1, description="the path of a scene file, from this file")]
+    title: Annotated[str, Field(strict=True, min_length=1, description="text")]
+    strategies: Annotated[
+        tuple[Name, ...], Field(min_length=1, description="a list of one or more names of strategies")
+    ]
+    zoom_limits: Annotated[
+        tuple[Annotated[Number, Field(ge=1)] | Literal[UNLIMITED], ...],
+        Field(min_length=1, description=f'a list of numbers, 1 or more, or "{UNLIMITED}"'),
+    ] = (UNLIMITED,)
+    surrogate: Annotated[Literal[SURROGATES], Field(description=f"one of {', '.join(SURROGATES)}")] = "cylinder"
+    search: Annotated[Literal["plain", "thorough"], Field(description="plain or thorough")] = "thorough"
+    trials: Trials = 20
+    seed: Annotated[int, Field(strict=True, ge=0, description="a whole number, 0 or more")] = 0
+    render_noise_ratio: Annotated[
+        Number, Field(gt=0, le=10, description="a number above 0, at most 10: of the sensor's noise (σ)")
+    ] = 0.6
+    walk: WalkSpec = WalkSpec()
+    target: TargetSpec = TargetSpec()
+    motors: MotorsSpec = MotorsSpec()
+    tracking: TrackingSpec = TrackingSpec()
+    process: ProcessRateSpec = ProcessRateSpec()
+    real_walk: RealWalkSpec | None = None
+
+
+@dataclass(frozen=True)
+class ScheduleFile:
+    """What a schedule file says.
+
+    Attributes:
+        name: the file's name without its ending.
+        path: of the file.
+        scene_path: of the scene file.
+        said: its tables.
+    """
+
+    name: str
+    path: Path
+    scene_path: Path
+    said: ScheduleSpec = field(repr=False)
+
+    @property
+    def zoom_limits(self) -> tuple[float | None, ...]:
+        """The highest zooms that the runs may use, None for one without a limit."""
+        return tuple(None if limit == UNLIMITED else float(limit) for limit in self.said.zoom_limits)
+
+    def resolved(self) -> dict[str, Any]:
+        """The file's contents with overrides and defaults filled in: plain, JSON-serialisable, a valid file itself."""
+        return self.said.model_dump(mode="json", by_alias=True, exclude_none=True)
+
+
+def load_schedule(path_or_name: str | Path, overrides: Iterable[str] = ()) -> ScheduleFile:
+    """The schedule in the TOML file at a path, or of a name among those that come with the project ("hallway").
+
+    Of `overrides` those count that begin with "sweep.", such as "sweep.walk.steps=11".
+
+    Raises:
+        SceneError: with every problem of the file and the overrides, a line each.
+    """
+    path = _schedule_path(path_or_name)
+    problems = Problems(path, read_toml(path))
+    stripped = (override.strip() for override in overrides)
+    own = [override.removeprefix(SWEEP_PREFIX) for override in stripped if override.startswith(SWEEP_PREFIX)]
+    apply_overrides(ScheduleSpec, own, problems)
+    spec, draft = validate(ScheduleSpec, problems.document, problems)
+    _check_once(("strategies",), draft.strategies, problems)
+    _check_once(("zoom_limits",), draft.zoom_limits, problems)
+    problems.raise_if_any()
+    assert spec is not None  # no problem, so pydantic had none
+    return ScheduleFile(path.stem, path, Path(os.path.normpath(path.parent / spec.scene)), spec)
+
+
+def known_schedules() -> list[str]:
+    """Names of the schedules that come with the project."""
+    return sorted(file.stem for file in SCHEDULES.glob("*.toml"))
+
+
+def _schedule_path(path_or_name: str | Path) -> Path:
+    path = Path(path_or_name)
+    if path.suffix == ".toml" or len(path.parts) != 1:
+        return path
+    known = known_schedules()
+    if path.name not in known:
+        hint, _ = nearest(path.name, known)
+        raise SceneError(
+            [f'there is no schedule "{path}"{hint}; allowed: {", ".join(known)}, or the path of a .toml file']
+        )
+    return SCHEDULES / f"{path.name}.toml"
+
+
+def _check_once(location: Location, items: Iterable[object] | None, problems: Problems) -> None:
+    for item, count in Counter(items or ()).items():
+        if count > 1:
+            problems.add(location, "nothing twice", value=item)

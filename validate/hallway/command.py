@@ -1,0 +1,224 @@
+"""`run_sweep.py schedule`: strategies steer cameras at two people who pass each other; predicted and measured."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import time
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+from rich.console import Console
+from rich.table import Table
+
+from pss import RangeError
+from render import backend
+from scenes import load_scene
+from scenes.schedule_file import load_schedule
+from validate.acquire import Acquired, Acquisition, acquire
+from validate.compare import correlation_rows
+from validate.hallway.agreement import ALL_RUNS, agreement_rows
+from validate.hallway.claims import claim_rows
+from validate.hallway.own_cameras import own_cameras
+from validate.hallway.ranking import ranking_rows, strategy_rows
+from validate.hallway.results import ScheduleResult, result_of
+from validate.hallway.rows import held_configuration_rows, held_point_rows, run_rows
+from validate.hallway.runs import Run, steered_runs, strategies_of
+from validate.hallway.stage import BOTH, stage_of
+from validate.hallway.strategies import Strategy
+from validate.hallway.study import FULL_MODEL, Design, assess_held, design_of
+from validate.hallway.training import calibrate_hallway, training_views
+from validate.progress import EXPECTED_SECONDS, ViewProgress, clock
+from validate.run import MEGABYTES_A_VIEW, linked_views
+from validate.store import Store, atomic_path, write_text
+from validate.tables import timing_rows, view_rows, write_csv
+
+__all__ = ["main", "run"]
+
+Row = dict[str, object]
+
+
+def run(
+    schedule: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SCHEDULE")] = "hallway",
+    /,
+    scene: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
+    out: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None,
+    store: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("results/store"),
+    trials: int | None = None,
+    seed: int | None = None,
+    strategy: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="FILE:FUNCTION")] = (),
+    set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="KEY=VALUE")] = (),
+    variant: Literal["llvm_ad_mono", "cuda_ad_mono", "scalar_rgb"] | None = None,
+    dry_run: bool = False,
+) -> int:
+    """Predict and measure how strategies steer cameras at two people who pass each other.
+
+    Args:
+        schedule: name of a file in scenes/schedules, or the path of such a file.
+        scene: scene file to use in place of the schedule's own.
+        out: folder for the results (default: results/ and the schedule's name).
+        store: folder of rendered views and measurements, shared by all runs.
+        trials: noisy captures of each view, in place of the schedule's own number.
+        seed: of the run, in place of the schedule's own.
+        strategy: a strategy of one's own beside the schedule's: a Python file, which is run, and a function in it.
+        set: override a key of the scene file, or (sweep.KEY) of the schedule file; may be repeated.
+        variant: Mitsuba's variant (default: LLVM if a libLLVM is found, else scalar).
+        dry_run: say what would be done, and stop.
+    """
+    begin = time.perf_counter()
+    # In a file or a pipe the tables keep their columns.
+    console, errors = Console(width=None if os.isatty(1) else 140), Console(stderr=True)
+    overrides = list(set)
+    overrides += [f"sweep.trials={trials}"] if trials is not None else []
+    overrides += [f"sweep.seed={seed}"] if seed is not None else []
+    file = load_schedule(schedule, overrides)
+    own = dict(own_strategy(each) for each in strategy)
+    strategies_of(file, own)  # raises what is wrong with them
+    stage = stage_of(file, load_scene(scene or file.scene_path, overrides))
+    chosen = backend.choose(variant)
+    console.print(str(chosen), markup=False)
+    errors.print("steering the cameras", markup=False)
+    runs = steered_runs(file, stage, own)
+    training = training_views(file, stage, chosen.identity)
+    design = design_of(file, stage, runs, chosen.identity)
+    wanted = [item for place in training for item in place.wanted] + design.wanted
+    if dry_run:
+        _announce(design, wanted, Store(store), console)
+        return 0
+    acquired = acquire(wanted, Store(store), chosen, lambda total: ViewProgress(total, errors))
+    for key, cause in acquired.failed.items():
+        errors.print(f"view {key} failed: {cause}", markup=False, style="red")
+    if acquired.failed:
+        return 1
+    after_views = time.perf_counter()
+    calibration = calibrate_hallway(training, acquired)
+    held = assess_held(design, acquired, calibration)
+    folder = out or Path("results") / file.name
+    write_text(folder / "calibrated.toml", calibration.to_toml())
+    results = [result_of(held, avatar) for avatar in stage.groups]
+    both = results[-1]
+    first = _run_of(runs, "follow")
+    aside = None if first is None else own_cameras(held, first, acquired, calibration, both)
+    tables: dict[str, list[Row]] = {
+        "configurations": [row for result in results for row in held_configuration_rows(result)],
+        "points": held_point_rows(both),
+        "views": view_rows([both], acquired),
+        "timings": timing_rows(wanted, acquired),
+        "correlation": [{"avatar": r.avatar, **row} for r in results for row in correlation_rows(r)],
+        "agreement": [row for result in results for row in agreement_rows(result)],
+        "strategies": [row for result in results for row in strategy_rows(result)],
+        "ranking": [row for result in results for row in ranking_rows(result)],
+        "claims": claim_rows(both, aside),
+        "runs": run_rows(both),
+    }
+    for name, rows in tables.items():
+        write_csv(folder / f"{name}.csv", rows)
+    linked_views(folder, [item.request.key for item in wanted], Store(store))
+    _draw(folder, both)
+    seconds = {"views": after_views - begin, "total": time.perf_counter() - begin}
+    _write_run(folder, design, chosen.identity, acquired, seconds)
+    _show(tables, console)
+    console.print(
+        f"{len({item.request.key for item in wanted})} views ({acquired.rendered} rendered, "
+        f"{len(acquired.measured_items)} measured now) in {clock(seconds['total'])}, "
+        f"{clock(seconds['total'] - seconds['views'])} after the views; results in {folder}",
+        markup=False,
+    )
+    return 0
+
+
+def own_strategy(said: str) -> tuple[str, Strategy]:
+    """The function that "FILE:FUNCTION" names, with its name; the file is run.
+
+    Raises:
+        RangeError: no such file, or no such function in it.
+    """
+    path, colon, name = said.rpartition(":")
+    if not colon or not Path(path).is_file():
+        raise RangeError(f"--strategy {said!r}; allowed: the path of a Python file, a colon, and a function in it")
+    spec = importlib.util.spec_from_file_location(Path(path).stem, path)
+    if spec is None or spec.loader is None:
+        raise RangeError(f"--strategy {said!r}: {path} is no Python file")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:  # whatever the user's own code raises
+        raise RangeError(f"--strategy {said!r}: {path} fails with {type(error).__name__}: {error}") from error
+    function = getattr(module, name, None)
+    if not callable(function):
+        raise RangeError(f"--strategy {said!r}: {path} has no function {name!r}")
+    return name, function
+
+
+def _run_of(runs: list[Run], strategy: str) -> int | None:
+    """The run of a strategy without a zoom limit."""
+    found = [number for number, each in enumerate(runs) if each.strategy == strategy and each.zoom_limit is None]
+    return found[0] if found else None
+
+
+def _announce(design: Design, wanted: list[Acquisition], store: Store, console: Console) -> None:
+    unique = list(dict.fromkeys(wanted))
+    missing = [item for item in unique if not store.view(item.request.key).exists()]
+    unmeasured = [item for item in unique if not item.task(store).path.exists()]
+    console.print(
+        f"{design.schedule.name}: {len(design.runs)} runs of {len(design.scenes)} steps; {len(unique)} views: "
+        f"{len(missing)} to render, {len(unmeasured)} to measure; about {clock(EXPECTED_SECONDS * len(unmeasured))} "
+        f"and {MEGABYTES_A_VIEW * len(missing)} MB",
+        markup=False,
+    )
+
+
+def _draw(folder: Path, result: ScheduleResult) -> None:
+    # Imported late: slow, and a dry run draws nothing.
+    import matplotlib.pyplot as plt
+
+    from validate.hallway.figure import schedule_figure
+
+    figure = schedule_figure(result)
+    assert result.held is not None
+    with atomic_path(folder / "figures" / f"{result.held.design.schedule.name}.png") as temporary:
+        figure.savefig(temporary, dpi=130, format="png")
+    plt.close(figure)
+
+
+def _write_run(folder: Path, design: Design, renderer: str, acquired: Acquired, seconds: dict[str, float]) -> None:
+    content: dict[str, Any] = {
+        "schedule": design.schedule.resolved(),
+        "scene": design.stage.scene.resolved(),
+        "walk": asdict(design.stage.walk),
+        "renderer": renderer,
+        "rendered": acquired.rendered,
+        "measured": len(acquired.measured_items),
+        "seconds": seconds,
+    }
+    write_text(folder / "run.json", json.dumps(content, indent=2) + "\n")
+
+
+def _show(tables: dict[str, list[Row]], console: Console) -> None:
+    """Print the verdict."""
+    table = Table(title="Predicted against measured PSS over the steps, both avatars, no zoom limit")
+    for name in ("strategy", "kind", "noise model", "Spearman ρ [95 %]", "median |log ratio|"):
+        table.add_column(name)
+    for row in tables["agreement"]:
+        if row["avatar"] == BOTH and row["strategy"] == ALL_RUNS and row["zoom_limit"] == "none":
+            rho = f"{row['spearman']:.2f} [{row['spearman_ci_low']:.2f}, {row['spearman_ci_high']:.2f}]"
+            ratio = f"{row['median_abs_log_ratio']:.2f}"
+            table.add_row(str(row["strategy"]), str(row["kind"]), str(row["noise_model"]), rho, ratio)
+    console.print(table)
+    table = Table(title="The paper's claims")
+    for name in ("claim", "side", "kind", "holds", "figure", "at"):
+        table.add_column(name)
+    for row in tables["claims"]:
+        if row["noise_model"] in ("", "corrected", FULL_MODEL):
+            side = str(row["side"]) if not row["noise_model"] else f"{row['side']}, {row['noise_model']}"
+            figure = f"{row['value']:.3g} [{row['ci_low']:.3g}, {row['ci_high']:.3g}]"
+            table.add_row(str(row["claim"]), side, str(row["kind"]), str(row["holds"]), figure, str(row["at"]))
+    console.print(table)
+
+
+def main(arguments: list[str]) -> int:
+    """Parse the subcommand's own arguments and run it."""
+    return tyro.cli(run, prog="run_sweep.py schedule", args=arguments)

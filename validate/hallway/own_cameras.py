@@ -1,0 +1,96 @@
+"""What each avatar's own cameras would say of it alone: the difference to all cameras is what the others add."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pss import evaluate
+from pss.noise import Calibration
+from render.view import random_stream, state_key
+from validate.acquire import Acquired
+from validate.assess import measure_configuration
+from validate.bank.study import scene_contenders
+from validate.errors3d import MeasuredErrors, measured_inverse_sigma
+from validate.hallway.results import KINDS, Curves, ScheduleResult
+from validate.hallway.study import MODELS, Held, look_of
+from validate.intervals import sweep_replicates
+
+__all__ = ["OwnCameras", "own_cameras"]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class OwnCameras:
+    """1/σ of every marker from the cameras that are assigned to its avatar, 1/m, (K, N), by noise model ("" for what
+    is measured) and kind; and the same resampled, 1/m, (B, K), as PSS."""
+
+    inverse_sigma: dict[tuple[str, str], Floats]
+    samples: dict[tuple[str, str], Floats]
+
+    def curves(self, key: tuple[str, str]) -> Curves:
+        """PSS of the one run, (1, K)."""
+        model, kind = key
+        values, samples = self.inverse_sigma[key].mean(axis=1), self.samples[key]
+        return Curves("predicted" if model else "measured", model, kind, values[None], samples[:, None])
+
+
+def own_cameras(
+    held: Held, run: int, acquired: Acquired, calibration: Calibration, result: ScheduleResult
+) -> OwnCameras:
+    """Predict and measure a run with each avatar's own cameras alone.
+
+    Args:
+        result: of both avatars, whose resamples of markers and trials are taken.
+    """
+    design = held.design
+    groups = {name: design.stage.groups[name] for name in design.stage.names}
+    both = np.any(list(groups.values()), axis=0)
+    steps = len(design.scenes)
+    keys = [(model, kind) for model in ("", *MODELS) for kind in KINDS]
+    inverse = {key: np.zeros((steps, len(both))) for key in keys}
+    errors = []
+    for step, scene in enumerate(design.scenes):
+        state, steered = scene.state, design.runs[run].steered
+        look = acquired.appearances[state_key(state)]
+        contenders = [c for c in scene_contenders(scene, calibration) if c.name in MODELS]
+        together = np.full((design.schedule.said.trials, len(both), 3), np.nan)
+        for name, markers in groups.items():
+            mine = [c for c, assigned in enumerate(steered.assignments[step]) if assigned == name]
+            if not mine:
+                continue
+            cameras = [steered.cameras[step][c] for c in mine]
+            for contender in contenders:
+                said = evaluate(
+                    cameras,
+                    state.points_m[markers],
+                    state.normals[markers],
+                    noise=contender.noise,
+                    process=scene.process,
+                    occluder=state.occluders,
+                    appearance=look_of(look, markers),
+                    visibility=contender.visibility,
+                )
+                inverse[contender.name, "filter"][step, markers] = np.nan_to_num(1 / said.sigma_m)
+                inverse[contender.name, "single frame"][step, markers] = np.nan_to_num(1 / said.single_frame_sigma_m)
+            wanted = [design.views[run][step][c] for c in mine]
+            rng = random_stream(
+                design.schedule.said.seed, "+".join(item.request.key for item in wanted), "filter of own cameras"
+            )
+            found = measure_configuration(scene, cameras, [acquired.measured[item] for item in wanted], rng)
+            together[:, markers] = found.errors.errors_m[:, markers]
+            rate = found.errors.detection_rate
+            inverse["", "filter"][step, markers] = measured_inverse_sigma(found.filter_sigma_m, rate)[markers]
+        errors.append(MeasuredErrors(together[:, both]))
+    inverse = {key: values[:, both] for key, values in inverse.items()}
+    inverse["", "single frame"] = np.array([e.inverse_sigma for e in errors])
+    weights = result.replicates[MODELS[0]].point_weights
+    samples = {key: weights @ values.T for key, values in inverse.items()}
+    # The stream of the result's own resamples, so that a ratio of the two keeps its pairing.
+    rng = random_stream(design.schedule.said.seed, result.avatar, "schedule intervals")
+    replicates = sweep_replicates(errors, inverse[MODELS[0], "single frame"], rng, len(weights))
+    samples["", "single frame"] = replicates.measured_pss
+    return OwnCameras(inverse, samples)

@@ -1,0 +1,130 @@
+"""What a schedule's runs came to, as sweeps have it: for each avatar, and for both, all runs at all steps in one row.
+
+Item r · K + k of a result is run r at step k. Resamples of trials and markers are shared by all, so that differences
+between strategies keep their pairing.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from render.view import random_stream
+from scenes import Configuration
+from validate.assess import Assessment
+from validate.errors3d import measured_inverse_sigma
+from validate.hallway.study import MODELS, Held
+from validate.intervals import SweepReplicates, sweep_replicates
+from validate.sweep import REPLICATES, Plan, SweepResult
+
+__all__ = ["KINDS", "Curves", "ScheduleResult", "result_of"]
+
+Floats = NDArray[np.float64]
+
+KINDS = ("filter", "single frame")
+"""PSS made of σ∞ beside the filter over the held views, and PSS made of C beside single frames."""
+
+
+@dataclass(frozen=True, eq=False)
+class Curves:
+    """PSS of R runs at K steps: 1/m, (R, K), and B resamples of it, (B, R, K).
+
+    Attributes:
+        side: "predicted" or "measured".
+        noise_model: "" for what is measured.
+        kind: one of `KINDS`.
+    """
+
+    side: str
+    noise_model: str
+    kind: str
+    values: Floats
+    samples: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class ScheduleResult(SweepResult):
+    """A sweep's result of the markers of one avatar, or of both: `avatar`."""
+
+    avatar: str = ""
+    held: Held | None = None
+
+    @property
+    def noise_models(self) -> tuple[str, ...]:
+        """What was judged."""
+        return MODELS
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """R runs and K steps."""
+        assert self.held is not None
+        return len(self.held.steps), len(self.held.steps[0])
+
+    @cached_property
+    def curves(self) -> dict[tuple[str, str], Curves]:
+        """By noise model ("" for what is measured) and kind."""
+        weights = self.replicates[MODELS[0]].point_weights
+        found = {}
+        for kind in KINDS:
+            single = kind == "single frame"
+            for model in MODELS:
+                sigma = [
+                    a.predicted[model].single_frame_sigma_m if single else a.predicted[model].sigma_m
+                    for a in self.assessments
+                ]
+                inverse = np.nan_to_num(1 / np.array(sigma))
+                found[model, kind] = self._curves("predicted", model, kind, inverse.mean(axis=1), weights @ inverse.T)
+            if single:
+                samples = self.replicates[MODELS[0]].measured_pss
+            else:
+                inverse = np.array([_inverse_filter_sigma(a) for a in self.assessments])
+                samples = weights @ inverse.T
+            found["", kind] = self._curves("measured", "", kind, self.measured_pss(single), samples)
+        return found
+
+    def _curves(self, side: str, model: str, kind: str, values: Floats, samples: Floats) -> Curves:
+        return Curves(side, model, kind, values.reshape(self.shape), samples.reshape(-1, *self.shape))
+
+
+def result_of(held: Held, avatar: str) -> ScheduleResult:
+    """All runs and steps of `held` at the markers of one avatar, or of both (`stage.BOTH`)."""
+    design = held.design
+    runs, steps = len(held.steps), len(held.steps[0])
+    configurations = tuple(_configuration(held, run, step, avatar) for run in range(runs) for step in range(steps))
+    assessments = tuple(held.steps[run][step].assessments[avatar] for run in range(runs) for step in range(steps))
+    views = tuple(design.views[run][step] for run in range(runs) for step in range(steps))
+    # What writes tables asks a plan for its sweep's name alone.
+    plan = Plan(design.schedule, design.stage.scene, configurations, views)  # type: ignore[arg-type]
+    replicates = _replicates(held, assessments, avatar)
+    return ScheduleResult(plan, configurations, assessments, views, (), replicates, avatar, held)
+
+
+def _configuration(held: Held, run: int, step: int, avatar: str) -> Configuration:
+    """As sweeps have it, with the markers of `avatar` alone in its scene; the value is y of the first avatar."""
+    design = held.design
+    which, stage, scene = design.runs[run], design.stage, design.scenes[step]
+    worn = stage.groups[avatar]
+    markers = tuple(m for m, kept in zip(scene.state.markers, worn, strict=True) if kept)
+    own = dataclasses.replace(scene, state=dataclasses.replace(scene.state, markers=markers))
+    y = float(stage.walk.positions_m[stage.names[0]][step, 1])
+    return Configuration(f"{which.label} step {step}", "y_m", y, which.steered.cameras[step], own)
+
+
+def _replicates(held: Held, assessments: tuple[Assessment, ...], avatar: str) -> Mapping[str, SweepReplicates]:
+    found = {}
+    for model in MODELS:
+        inverse = np.nan_to_num(1 / np.array([a.predicted[model].single_frame_sigma_m for a in assessments]))
+        # The same stream for every model: they are compared on the same resamples.
+        rng = random_stream(held.design.schedule.said.seed, avatar, "schedule intervals")
+        found[model] = sweep_replicates([a.measured.errors for a in assessments], inverse, rng, REPLICATES)
+    return found
+
+
+def _inverse_filter_sigma(assessment: Assessment) -> Floats:
+    measured = assessment.measured
+    return measured_inverse_sigma(measured.filter_sigma_m, measured.errors.detection_rate)

@@ -1,0 +1,237 @@
+"""The local steady state of a schedule: at each step the people are held as they are, predicted and measured.
+
+Runs whose cameras stand alike at a step are one configuration there: it is rendered, predicted and measured once.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pss import Appearance, Evaluation, PTZCamera, evaluate_many
+from pss.covariances import mean_inverse_sigma
+from pss.noise import Calibration
+from render.sampling import Sampling
+from render.view import ViewRequest, random_stream, state_key
+from scenes import Scene
+from scenes.schedule_file import ScheduleFile
+from validate.acquire import Acquired, Acquisition
+from validate.assess import Assessment, Measured, measure_configuration
+from validate.bank.predicted import Contender
+from validate.bank.study import FULL_MODEL, PHYSICAL_WHOLE, scene_contenders
+from validate.errors3d import MeasuredErrors
+from validate.hallway.runs import Run
+from validate.hallway.stage import BOTH, Stage
+from validate.hallway.surrogates import avatar_like
+from validate.track import Tracked
+from validate.triangulate import Triangulated
+
+__all__ = ["MODELS", "Design", "Held", "HeldStep", "assess_held", "design_of", "look_of"]
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+# What is judged: the paper's two readings, what needs no fit, and what was calibrated on other views.
+MODELS = ("as-printed", "corrected", "physical", PHYSICAL_WHOLE, FULL_MODEL)
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """What is to be rendered: the scenes of the K steps, and for each of the R runs and steps the views."""
+
+    schedule: ScheduleFile
+    stage: Stage
+    runs: tuple[Run, ...]
+    scenes: tuple[Scene, ...]
+    views: tuple[tuple[tuple[Acquisition, ...], ...], ...]
+
+    @property
+    def wanted(self) -> list[Acquisition]:
+        """All views, those of a step together."""
+        return [item for step in zip(*self.views, strict=True) for views in step for item in views]
+
+
+@dataclass(frozen=True, eq=False)
+class HeldStep:
+    """One configuration at a step, predicted and measured.
+
+    Attributes:
+        assessments: of the markers of each avatar, and of both, by `Stage.groups`.
+        surrogate_pss: by the same groups and by noise model, 1/m, Eq. 10 at the surrogates' points.
+        measured: of all markers.
+    """
+
+    assessments: Mapping[str, Assessment]
+    surrogate_pss: Mapping[str, Mapping[str, float]]
+    measured: Measured
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """All runs and steps, `steps[r][k]`, of a design."""
+
+    design: Design
+    steps: tuple[tuple[HeldStep, ...], ...]
+
+
+def design_of(schedule: ScheduleFile, stage: Stage, runs: Sequence[Run], renderer: str) -> Design:
+    """Name the views that the runs need."""
+    said = schedule.said
+    scenes = tuple(stage.at(time_s) for time_s in stage.walk.times_s.tolist())
+    sampling = Sampling(noise_ratio=said.render_noise_ratio)
+    views = tuple(
+        tuple(
+            tuple(
+                Acquisition(
+                    ViewRequest(scene.state, camera, scene.sensor, sampling, renderer),
+                    said.seed,
+                    said.trials,
+                    said.search,
+                )
+                for camera in cameras
+            )
+            for scene, cameras in zip(scenes, run.steered.cameras, strict=True)
+        )
+        for run in runs
+    )
+    return Design(schedule, stage, tuple(runs), scenes, views)
+
+
+def assess_held(design: Design, acquired: Acquired, calibration: Calibration) -> Held:
+    """Predict and measure every run at every step."""
+    columns = [_assess_step(design, step, acquired, calibration) for step in range(len(design.scenes))]
+    return Held(design, tuple(zip(*columns, strict=True)))
+
+
+def _assess_step(design: Design, step: int, acquired: Acquired, calibration: Calibration) -> list[HeldStep]:
+    """All runs at one step."""
+    scene, groups = design.scenes[step], design.stage.groups
+    look = acquired.appearances[state_key(scene.state)]
+    wanted = [views[step] for views in design.views]
+    different = list(dict.fromkeys(wanted))
+    cameras = [tuple(item.request.camera for item in views) for views in different]
+    contenders = [c for c in scene_contenders(scene, calibration) if c.name in MODELS]
+    predicted = {
+        name: {c.name: _predicted(scene, cameras, c, look, markers) for c in contenders}
+        for name, markers in groups.items()
+    }
+    surrogates = _surrogate_pss(design, step, cameras, contenders, look)
+    found = {}
+    for number, views in enumerate(different):
+        measurements = [acquired.measured[item] for item in views]
+        keys = "+".join(item.request.key for item in views)
+        rng = random_stream(design.schedule.said.seed, keys, "filter")
+        measured = measure_configuration(scene, cameras[number], measurements, rng)
+        rates = np.array([view.detected.mean(axis=0) for view in measurements])
+        assessments = {
+            name: Assessment(
+                cameras[number],
+                {model: evaluations[number] for model, evaluations in predicted[name].items()},
+                _measured_of(measured, markers),
+                rates[:, markers],
+            )
+            for name, markers in groups.items()
+        }
+        found[views] = HeldStep(assessments, surrogates[number], measured)
+    return [found[views] for views in wanted]
+
+
+def _predicted(
+    scene: Scene, cameras: Sequence[tuple[PTZCamera, ...]], contender: Contender, look: Appearance, markers: Bools
+) -> list[Evaluation]:
+    """Each configuration at some of the scene's markers, (N,)."""
+    state = scene.state
+    return list(
+        evaluate_many(
+            cameras,
+            state.points_m[markers],
+            state.normals[markers],
+            noise=contender.noise,
+            process=scene.process,
+            occluder=state.occluders,
+            appearance=look_of(look, markers),
+            visibility=contender.visibility,
+        )
+    )
+
+
+def _surrogate_pss(
+    design: Design,
+    step: int,
+    cameras: Sequence[tuple[PTZCamera, ...]],
+    contenders: Sequence[Contender],
+    look: Appearance,
+) -> list[dict[str, dict[str, float]]]:
+    """PSS of each configuration at the surrogates' points, by avatar (and for both) and noise model.
+
+    The surrogates stand where the people do. A surrogate has no markers: for a noise model that asks how a target
+    looks, each of its points bears one like the median marker of the scene.
+    """
+    scene, walk = design.scenes[step], design.stage.walk
+    points, normals, bodies, owner = [], [], [], []
+    for each in walk.walks:
+        middle = walk.positions_m[each.name][step]
+        person = avatar_like(design.schedule.said.surrogate, scene.state, each.name, middle)
+        points.append(person.surrogate.points_m + middle)
+        normals.append(person.surrogate.normals)
+        bodies.append(person.body(each.name, middle))
+        owner += [each.name] * len(person.surrogate.points_m)
+    where, outwards = np.concatenate(points), np.concatenate(normals)
+    typical = _typical(look)
+    groups = {name: np.array(owner) == name for name in design.stage.names}
+    groups[BOTH] = np.ones(len(where), dtype=bool)
+    found: list[dict[str, dict[str, float]]] = [{name: {} for name in groups} for _ in cameras]
+    for contender in contenders:
+        evaluations = evaluate_many(
+            cameras,
+            where,
+            outwards,
+            noise=contender.noise,
+            process=scene.process,
+            occluder=bodies,
+            appearance=typical,
+            visibility=contender.visibility,
+        )
+        for of_all, evaluation in zip(found, evaluations, strict=True):
+            for name, members in groups.items():
+                of_all[name][contender.name] = mean_inverse_sigma(evaluation.sigma_m[members])
+    return found
+
+
+def _typical(look: Appearance) -> Appearance:
+    """The median marker."""
+    of_all = (look.module_m, look.white_w_per_m2_sr, look.black_w_per_m2_sr)
+    return Appearance(*(float(np.median(values)) for values in of_all), None, look.modules, look.ring_light)
+
+
+def look_of(look: Appearance, markers: Bools) -> Appearance:
+    """How some of the markers look, (N,)."""
+    values = {field.name: getattr(look, field.name) for field in dataclasses.fields(look)}
+    of_each = {name: value[markers] for name, value in values.items() if np.shape(value)[:1] == markers.shape}
+    return dataclasses.replace(look, **of_each)
+
+
+def _measured_of(measured: Measured, markers: Bools) -> Measured:
+    """The measurement of some of the markers, (N,)."""
+    found, tracked = measured.triangulated, measured.tracked
+    return Measured(
+        MeasuredErrors(measured.errors.errors_m[:, markers]),
+        MeasuredErrors(measured.linear.errors_m[:, markers]),
+        Triangulated(
+            *(getattr(found, name)[:, markers] for name in ("points_m", "covariance_m2", "linear_m")),
+            found.views[:, markers],
+            found.rejected[:, markers],
+            found.used[:, :, markers],
+        ),
+        Tracked(
+            tracked.prior_moment_m2[markers],
+            tracked.posterior_moment_m2[markers],
+            tracked.prior_errors_m[:, markers],
+            tracked.posterior_errors_m[:, markers],
+            tracked.steps,
+        ),
+    )
