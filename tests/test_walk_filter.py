@@ -7,7 +7,16 @@ import pytest
 import scipy.optimize
 import scipy.stats
 
-from pss import ConstantVelocity, PTZCamera, RandomWalk, RangeError, ShapeError, steady_state_covariance
+from pss import (
+    ConstantAcceleration,
+    ConstantVelocity,
+    LinearProcess,
+    PTZCamera,
+    RandomWalk,
+    RangeError,
+    ShapeError,
+    steady_state_covariance,
+)
 from pss.riccati import posterior_covariance
 from pss.surrogates import Cylinder, on_cylinder
 from validate.hallway.state import Avatar, Plan
@@ -36,6 +45,7 @@ SLOW = ConstantVelocity(0.05, FRAME_S)
 CORNERS = [(-2.9, -4.9, 2.9), (2.9, -4.9, 2.9), (-2.9, 4.9, 2.9), (2.9, 4.9, 2.9)]
 BODY = on_cylinder(Cylinder("body", (0, 0, 0), 0.25, 1.8), 6, caps=False)
 SCENE = passing(reach_m=1.2, steps=FRAMES)
+TWO_MARKERS = LinearProcess(np.tile(np.eye(3), (2, 1, 1)), 1e-6 * np.tile(np.eye(3), (2, 1, 1)))
 # No pixel is refused, so that the errors are normal and their squares χ².
 UNGATED = WalkFiltering(gate_probability=1 - 1e-12, start_speed_sigma_m_per_s=0.3)
 
@@ -203,13 +213,15 @@ def test_the_recursion_waits_for_two_views_and_coasts_out_of_sight(cameras):
 
 
 def test_anothers_pixel_is_thrown_out_and_does_no_harm(cameras):
+    """One view that is wrong for longer than it takes to be lost, and three that are right."""
     pixels = detections(cameras, walking(), trials=2, rng=np.random.default_rng(4))
     wrong, without = pixels.copy(), pixels.copy()
-    wrong[10, 1, 0, 2] = pixels[10, 1, 0, 5]
-    without[10, 1, 0, 2] = np.nan
+    wrong[10:, 1, 0, 2] = pixels[10:, 1, 0, 5]
+    without[10:, 1, 0, 2] = np.nan
     found, expected = tracked(cameras, wrong), tracked(cameras, without)
-    assert found.gated[10, 1, 0, 2]
-    assert not found.used[10, 1, 0, 2]
+    assert found.gated[10:, 1, 0, 2].all()
+    assert not found.used[10:, 1, 0, 2].any()
+    assert not found.losses.any()
     np.testing.assert_array_equal(found.posterior_m, expected.posterior_m)
     np.testing.assert_array_equal(found.posterior_covariance_m2, expected.posterior_covariance_m2)
     # Each of 1,000 detections fails the gate once in a thousand; the seed has few that do.
@@ -258,6 +270,21 @@ def test_a_marker_that_jumps_is_lost_and_starts_anew(cameras):
     np.testing.assert_array_equal(tracks.found_again, tracks.losses)
     assert not tracks.lost[13:].any()
     assert rms_m(tracks.posterior_m[13:, 0, 3] - truth[13:, 3]) < 0.005
+
+
+def test_a_track_that_keeps_the_view_in_line_with_its_error_is_lost_and_starts_anew(cameras):
+    """The marker jumps towards one of its two cameras, whose pixel stays as it was; the other's is rejected."""
+    truth, centre = standing(), np.array(CORNERS[0])
+    towards = (centre - truth[10:, 0]) / np.linalg.norm(centre - truth[10:, 0], axis=-1, keepdims=True)
+    truth[10:, 0] += 0.8 * towards
+    pixels = detections(cameras, truth, rng=np.random.default_rng(11))
+    pixels[:, [1, 2]] = np.nan
+    tracks = tracked(cameras, pixels, WalkFiltering(lost_after_frames=3))
+    np.testing.assert_array_equal(tracks.used[10:12, [0, 3], 0, 0], [[True, False]] * 2)
+    np.testing.assert_array_equal(tracks.gated[10:12, [0, 3], 0, 0], [[False, True]] * 2)
+    assert tracks.used[12:, [0, 3], 0, 0].all()
+    assert (tracks.losses[0, 0], tracks.found_again[0, 0]) == (1, 1)
+    assert rms_m(tracks.posterior_m[12:, 0, 0] - truth[12:, 0]) < 0.005
 
 
 def test_views_that_do_not_agree_start_nothing(cameras):
@@ -328,6 +355,19 @@ def test_a_random_walk_has_no_velocity_and_the_floor_widens_every_detection(came
     np.testing.assert_allclose(tracks.prior_covariance_m2[1, 0], first + 1e-6 * np.eye(3), rtol=SAME_COVARIANCE)
 
 
+def test_each_marker_may_have_a_process_of_its_own(cameras):
+    pixels = detections(cameras, walking()[:, :2], rng=np.random.default_rng(12))
+    fast = ConstantVelocity(5.0, FRAME_S)
+    mixed = LinearProcess(np.stack([SLOW.A, fast.A]), np.stack([SLOW.Q, fast.Q]))
+    both, known = tracked(cameras, pixels, process=mixed), information(cameras, walking()[:, :2])
+    along = riccati_along(known, mixed)[1]
+    for point, process in enumerate((SLOW, fast)):
+        alone = tracked(cameras, pixels[:, :, :, [point]], process=process)
+        np.testing.assert_allclose(both.posterior_m[:, :, point], alone.posterior_m[:, :, 0], atol=SAME_TO_ROUNDING_M)
+        expected = riccati_along(known[:, [point]], process)[1]
+        np.testing.assert_allclose(along[:, [point]], expected, rtol=SAME_COVARIANCE)
+
+
 # ---- what is refused -------------------------------------------------------------------------------------------------
 
 
@@ -353,6 +393,8 @@ def test_wrong_settings_are_named(values, says):
         ((2, 4, 1, 1, 2), (2, 4, 1, 1, 2), SLOW, ShapeError, r"\(2, 4, 1, 1, 2, 2\)"),
         ((2, 3, 1, 1, 2), (2, 3, 1, 1, 2, 2), SLOW, ShapeError, "frame 0 has 4 cameras"),
         ((2, 4, 1, 1, 2), (2, 4, 1, 1, 2, 2), SLOW, RangeError, "positive definite"),
+        ((2, 4, 1, 1, 2), (2, 4, 1, 1, 2, 2), ConstantAcceleration(1.0), RangeError, "9 states"),
+        ((2, 4, 1, 3, 2), (2, 4, 1, 3, 2, 2), TWO_MARKERS, ShapeError, r"A \(2, 3, 3\)"),
     ],
 )
 def test_arrays_that_do_not_fit_are_named(cameras, pixels, covariance, process, error, says):

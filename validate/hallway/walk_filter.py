@@ -44,7 +44,8 @@ class WalkFiltering:
     Attributes:
         gate_probability: of a detection that has the filter's and its own covariance to pass, for each view by itself
             (χ² with two degrees of freedom).
-        lost_after_frames: frames without an update after which a marker counts as lost.
+        lost_after_frames: frames in a row that did not confirm a track, after which it counts as lost. A frame confirms
+            it if more views pass the gate than are thrown out.
         start_speed_sigma_m_per_s: m/s along each axis, of the velocity at a start, which is 0.
         measurement_floor_px: px along each axis, added in squares to the covariance of each detection: what its image
             cannot tell, such as a bias.
@@ -72,7 +73,7 @@ class WalkFiltering:
 class WalkTracks:
     """Tracks of N markers through K frames of T trials, each trial a run of its own; nan where there is no track.
 
-    A lost track coasts on and stays in the arrays, with the covariance that has grown meanwhile.
+    A lost track coasts on, or follows what passes its gate, and stays in the arrays with the covariance that it has.
 
     Attributes:
         prior_m: m, (K, T, N, 3), predicted from the frame before; nan in the frame in which a track starts.
@@ -80,9 +81,9 @@ class WalkTracks:
         prior_covariance_m2, posterior_covariance_m2: m², (K, T, N, 3, 3), of the positions, as the filter believes.
         used: (K, C, T, N), detections that updated or started a track.
         gated: (K, C, T, N), detections that the gate threw out, or at a start the triangulation's own test.
-        lost: (K, T, N), the last `lost_after_frames` frames or more, this one among them, brought no update.
+        lost: (K, T, N), the last `lost_after_frames` frames or more, this one among them, did not confirm the track.
         losses: (T, N), how often a track was lost.
-        found_again: (T, N), how often a lost one was updated again, or started anew.
+        found_again: (T, N), how often a lost one was confirmed again, or started anew.
     """
 
     prior_m: Floats
@@ -108,9 +109,12 @@ def track_walk(
     A track starts where two views or more detect the marker and triangulation, which has a test of its own, lets two
     stand: with the covariance (Σ HᵀR⁻¹H)⁻¹ and velocity 0. From then on each view is gated by its own innovation,
     against H P⁻ Hᵀ + R. Views are not tested against each other: while P⁻ is large, as in the frame after a start, a
-    false detection near the marker can pass. A track so led astray finds itself as one does whose target has jumped:
-    the gate rejects everything, the track is lost, and two views that agree start it anew. A lost track tries its gate
-    first, and starts anew only in a frame in which nothing passes.
+    false detection near the marker can pass.
+
+    A track that has gone astray, by a false detection or by a motion that the process has no room for, rejects the
+    views that are right. It often keeps one that is nearly in line with its error, and then drifts along that ray with
+    the others rejected for good. So an update alone does not confirm a track: most of the views must pass. A lost track
+    is found again when a frame confirms it or, failing that, when two views agree, which start it anew.
 
     Args:
         cameras: the settings of C cameras in each of K frames.
@@ -221,9 +225,9 @@ class _Run:
         )
         used[:, rows], thrown_out[:, rows] = passed, detected[:, rows] & ~passed
 
-        updated = used.any(axis=0)
-        self.found_again += updated & self.lost
-        self.missed = np.where(updated, 0, self.missed + self.tracked)
+        confirmed = used.sum(axis=0) > thrown_out.sum(axis=0)
+        self.found_again += confirmed & self.lost
+        self.missed = np.where(confirmed, 0, self.missed + self.tracked)
         self.losses += self.missed == self.settings.lost_after_frames
         self.lost = self.missed >= self.settings.lost_after_frames
 
