@@ -138,15 +138,17 @@ def test_the_metrics_prediction_stands_beside_the_cells_it_has():
     assert row["posterior_predicted_rms_m"] == pytest.approx(np.sqrt(variances[both].mean()), rel=SAME)
 
 
-def test_trials_that_share_all_make_no_interval_shorter():
-    """Ten captures of one image with nothing but the frozen bias say no more than one."""
-    errors, covariance = drawn(np.random.default_rng(4), (30, 1, 8))
-    once, ten_times = (
-        rows_of(made(np.repeat(errors, trials, axis=1), np.repeat(covariance, trials, axis=1)))[0] for trials in (1, 10)
+def test_what_trials_or_frames_of_a_block_share_makes_no_interval_shorter():
+    """Ten captures of one image, or five frames, with nothing but the frozen bias say no more than one."""
+    errors, covariance = drawn(np.random.default_rng(4), (12, 1, 8))
+    once, ten_trials, five_frames = (
+        rows_of(made(errors.repeat(times, axis), covariance.repeat(times, axis)), block_frames=frames)[0]
+        for times, axis, frames in ((1, 1, 1), (10, 1, 1), (5, 0, 5))
     )
-    for column in ("posterior_nees_per_dof", "posterior_rms_m", "prior_coverage_50"):
-        for end in ("", "_ci_low", "_ci_high"):
-            assert ten_times[column + end] == pytest.approx(once[column + end], rel=SAME)
+    for row in (ten_trials, five_frames):
+        for column in ("posterior_nees_per_dof", "posterior_rms_m", "prior_coverage_50"):
+            for end in ("", "_ci_low", "_ci_high"):
+                assert row[column + end] == pytest.approx(once[column + end], rel=SAME)
 
 
 def test_an_interval_holds_the_truth_as_often_as_it_says():
