@@ -1,7 +1,7 @@
 # make sweep   set up, then predict and measure the zoom, focus and selection sweeps
 # make test    set up, lint, type-check pss/, and run the tests, the correlation gate among them
 # make acceptance   what must be shown but takes longer than `make test` may
-# make lock    write requirements.lock anew from pyproject.toml
+# make lock    write requirements.lock and requirements-evo.lock anew from pyproject.toml
 
 PYTHON ?= python3
 VENV := .venv
@@ -26,7 +26,7 @@ lint: $(VENV)/installed
 tests: $(VENV)/installed
 	$(BIN)/python -m pytest -m "not acceptance" -q
 
-acceptance: $(VENV)/installed
+acceptance: $(VENV)/installed-evo
 	$(BIN)/python -m pytest -m acceptance -s
 
 $(VENV)/installed: requirements.lock pyproject.toml
@@ -37,11 +37,19 @@ $(VENV)/installed: requirements.lock pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	@touch $@
 
+$(VENV)/installed-evo: $(VENV)/installed requirements-evo.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-evo.lock
+	@touch $@
+
 lock:
 	$(PYTHON) -m venv $(VENV)-lock
 	$(VENV)-lock/bin/python -m pip install --quiet uv==$(UV_VERSION)
 	$(VENV)-lock/bin/uv pip compile --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
 	  --extra dev --custom-compile-command "make lock" pyproject.toml -o requirements.lock
+	# What both files name has one version: the second is installed over the first.
+	$(VENV)-lock/bin/uv pip compile --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
+	  --extra evo --constraint requirements.lock --custom-compile-command "make lock" pyproject.toml \
+	  -o requirements-evo.lock
 	rm -r $(VENV)-lock
 
 clean:

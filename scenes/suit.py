@@ -12,6 +12,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from pss import RangeError
 from pss.surrogates import Mesh
 from render.state import Marker
 from scenes.avatar import Stance, avatar_frames
@@ -21,7 +22,7 @@ from scenes.layout import marker_at, upwards
 from scenes.plates import Seat, seat
 from scenes.spec import known
 
-__all__ = ["SUIT_KEYS", "SUIT_SIZE", "suit_markers", "worn_by"]
+__all__ = ["SUIT_KEYS", "SUIT_SIZE", "ids_on", "suit_markers", "worn_by"]
 
 Floats = NDArray[np.float64]
 
@@ -76,6 +77,22 @@ def suit_markers(
         seated = _seated(place, stance.height_m, module_mm * 1e-3 * side_modules)
         markers.append(None if seated is None else _worn(first_id + number, stance.name, seated, frame, module_mm))
     return tuple(markers)
+
+
+def ids_on(part_name: str, first_id: int) -> tuple[int, ...]:
+    """The ids of a suit's markers on one part of the body, such as "torso", if it is numbered on from `first_id`.
+
+    Those on one part keep their places to each other in every phase of the walk. One whose plate hangs over the edge of
+    its part has a number all the same, but no marker (`suit_markers`).
+
+    Raises:
+        RangeError: no marker is on a part of that name.
+    """
+    ids = tuple(first_id + number for number, place in enumerate(PLACES) if place.part == part_name)
+    if not ids:
+        bearing = ", ".join(dict.fromkeys(place.part for place in PLACES))
+        raise RangeError(f"part_name = {part_name!r} bears no markers; allowed: {bearing}")
+    return ids
 
 
 def worn_by(item: AvatarSpec, side_modules: float) -> tuple[Marker | None, ...]:
