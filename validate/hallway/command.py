@@ -24,6 +24,8 @@ from validate.hallway.agreement import ALL_RUNS, agreement_rows
 from validate.hallway.claims import claim_rows
 from validate.hallway.own_cameras import own_cameras
 from validate.hallway.ranking import ranking_rows, strategy_rows
+from validate.hallway.real_walk import real_walk_of, track_real_walk
+from validate.hallway.real_walk_files import write_real_walk
 from validate.hallway.results import ScheduleResult, result_of
 from validate.hallway.rows import held_configuration_rows, held_point_rows, run_rows
 from validate.hallway.runs import Run, steered_runs, strategies_of
@@ -52,6 +54,7 @@ def run(
     strategy: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="FILE:FUNCTION")] = (),
     set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="KEY=VALUE")] = (),
     variant: Literal["llvm_ad_mono", "cuda_ad_mono", "scalar_rgb"] | None = None,
+    real_walk: bool = True,
     dry_run: bool = False,
 ) -> int:
     """Predict and measure how strategies steer cameras at two people who pass each other.
@@ -66,6 +69,7 @@ def run(
         strategy: a strategy of one's own beside the schedule's: a Python file, which is run, and a function in it.
         set: override a key of the scene file, or (sweep.KEY) of the schedule file; may be repeated.
         variant: Mitsuba's variant (default: LLVM if a libLLVM is found, else scalar).
+        real_walk: whether to render and track the walk frame by frame as well, if the schedule asks for it.
         dry_run: say what would be done, and stop.
     """
     begin = time.perf_counter()
@@ -84,7 +88,9 @@ def run(
     runs = steered_runs(file, stage, own)
     training = training_views(file, stage, chosen.identity)
     design = design_of(file, stage, runs, chosen.identity)
+    real = real_walk_of(file, stage, own, chosen.identity) if real_walk else None
     wanted = [item for place in training for item in place.wanted] + design.wanted
+    wanted += [] if real is None else real.wanted
     if dry_run:
         _announce(design, wanted, Store(store), console)
         return 0
@@ -118,6 +124,10 @@ def run(
         write_csv(folder / f"{name}.csv", rows)
     linked_views(folder, [item.request.key for item in wanted], Store(store))
     _draw(folder, both)
+    if real is not None:
+        tracked = track_real_walk(real, acquired, calibration)
+        told = file.said.process.acceleration_density_m2_s3
+        write_real_walk(folder, tracked, Store(store), file.said.seed, told)
     seconds = {"views": after_views - begin, "total": time.perf_counter() - begin}
     _write_run(folder, design, chosen.identity, acquired, seconds)
     _show(tables, console)

@@ -152,7 +152,7 @@ def _agreement(result: ScheduleResult, members: list[int], predicted: Yardstick,
 
 
 def _ends(samples: Floats) -> Floats:
-    """The ends of 95 % intervals, (2, ...), as samples that there are: an infinite median lies between no two others."""
+    """The ends of 95 % intervals, (2, ...), each one of the samples: no value lies between ∞ and others."""
     return np.asarray(np.quantile(samples, [(1 - LEVEL) / 2, (1 + LEVEL) / 2], axis=0, method="inverted_cdf"))
 
 

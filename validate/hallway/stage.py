@@ -10,11 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenes import Scene, SceneError
+from scenes.avatar import Stance
+from scenes.avatar_schema import AvatarSpec, stance_of
 from scenes.gait import stride_of_speed
 from scenes.schedule_file import ScheduleFile
 from validate.hallway.walk import Passing, passing
 
-__all__ = ["BOTH", "Stage", "stage_of"]
+__all__ = ["BOTH", "Stage", "stage_of", "stance_in"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -85,9 +87,20 @@ class Stage:
             raise SceneError([f"at {time_s:.4g} s of the walk: {line}" for line in error.problems]) from error
 
     def _item(self, name: str) -> dict[str, Any]:
-        """An avatar's table in the scene file."""
-        (item,) = (o for o in self.scene.resolved()["objects"] if o["name"] == name)
-        return dict(item)
+        return _item_in(self.scene, name)
+
+
+def _item_in(scene: Scene, name: str) -> dict[str, Any]:
+    """An object's table in a scene."""
+    (item,) = (o for o in scene.resolved()["objects"] if o["name"] == name)
+    return dict(item)
+
+
+def stance_in(scene: Scene, name: str) -> Stance:
+    """How the avatar of that name stands in a scene."""
+    stance = stance_of(AvatarSpec.model_validate(_item_in(scene, name)))
+    assert stance is not None  # the scene was validated with it
+    return stance
 
 
 def stage_of(schedule: ScheduleFile, scene: Scene) -> Stage:
