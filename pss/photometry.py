@@ -149,9 +149,11 @@ class Appearance:
         modules: modules along a side of the tag, its border counted (ArUco 4 × 4: 6).
         ring_light: the light is at each camera, and its own alone: the radiances are those of a target that faces it at
             1 m; at D and α the camera sees cos α/D² of them.
+        velocity_m_per_s: m/s in the world, of each target at the middle of the exposure, (N, 3); None: all at rest.
+            It blurs what is seen during the sensor's exposure.
 
     Raises:
-        RangeError: a size that is not above 0, black that is not darker than white.
+        RangeError: a size that is not above 0, black that is not darker than white, a velocity that is not finite.
         ShapeError: arrays of different lengths.
     """
 
@@ -161,6 +163,7 @@ class Appearance:
     along: ArrayLike | None = None
     modules: int = 6
     ring_light: bool = False
+    velocity_m_per_s: ArrayLike | None = None
 
     def __post_init__(self) -> None:
         shapes = set()
@@ -173,12 +176,18 @@ class Appearance:
             if bad.any():
                 raise RangeError(f"Appearance.{name} = {value[bad].flat[0]!r}; allowed: 0 or more, finite")
             object.__setattr__(self, name, value)
-        if self.along is not None:
-            along = np.asarray(self.along, dtype=float)
-            if along.ndim != 2 or along.shape[1] != 3:
-                raise ShapeError(f"Appearance.along has shape {along.shape}; allowed: (N, 3)")
-            shapes.add(along.shape[0])
-            object.__setattr__(self, "along", along)
+        for name in ("along", "velocity_m_per_s"):
+            if getattr(self, name) is None:
+                continue
+            vectors = np.asarray(getattr(self, name), dtype=float)
+            if vectors.ndim != 2 or vectors.shape[1] != 3:
+                raise ShapeError(f"Appearance.{name} has shape {vectors.shape}; allowed: (N, 3)")
+            shapes.add(vectors.shape[0])
+            object.__setattr__(self, name, vectors)
+        velocity = self.velocity_m_per_s
+        if velocity is not None and not np.isfinite(velocity).all():
+            worst = np.asarray(velocity)[~np.isfinite(velocity)].flat[0]
+            raise RangeError(f"Appearance.velocity_m_per_s holds {worst!r}; allowed: finite, in m/s")
         if len(shapes) > 1:
             raise ShapeError(f"Appearance's arrays have lengths {sorted(shapes)}; allowed: one")
         if not (np.asarray(self.module_m) > 0).all():
@@ -206,7 +215,7 @@ class Appearance:
 
     def check_length(self, points: int) -> None:
         """Raise `ShapeError` unless the arrays fit `points` points."""
-        for name in ("module_m", "white_w_per_m2_sr", "black_w_per_m2_sr", "along"):
+        for name in ("module_m", "white_w_per_m2_sr", "black_w_per_m2_sr", "along", "velocity_m_per_s"):
             value = getattr(self, name)
             if value is not None and np.ndim(value) > 0 and len(np.asarray(value)) != points:
                 raise ShapeError(
@@ -223,4 +232,5 @@ class Appearance:
         assert size is not None
         assert white is not None
         assert black is not None
-        return Appearance(size, white, black, part(self.along), self.modules, self.ring_light)
+        velocity = part(self.velocity_m_per_s)
+        return Appearance(size, white, black, part(self.along), self.modules, self.ring_light, velocity)

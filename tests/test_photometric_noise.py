@@ -16,6 +16,8 @@ CODES = 12
 # The variance: random tags, which are not quite symmetric, know their centres less well than an average one (0.06 to
 # 0.16 here). An edge sharper than a pixel is known better or worse by where in the pixel it falls.
 RESOLVED, SHARPER_THAN_A_PIXEL = 0.25, 0.8
+# A way of most of a module that crosses both kinds of edges askew: neighbours overlap as boxes do, not as Gaussians.
+SLANTED_WAY = 0.5
 PSF_UM = 3.5
 SUPER = 8
 
@@ -33,13 +35,20 @@ def covariance(look, camera=CAMERA, point=POINT, normal=((0.0, -1.0, 0.0),), **c
     return NoiseModel("alone", (BrightnessContrast(SENSOR),)).covariance(camera, point, normal, look)[0]
 
 
-def drawn_covariance(sides_px, blur_px, white_e, black_e, sensor, rng):
+def smeared(image, way):
+    """An image that goes `way` (x, y in its own samples), evenly and straight: its transform times that of a box."""
+    rows, columns = (np.fft.fftfreq(count) for count in image.shape)
+    box = np.sinc(columns[: image.shape[1] // 2 + 1] * way[0] + rows[:, None] * way[1])
+    return np.fft.irfft2(np.fft.rfft2(image) * box, image.shape)
+
+
+def drawn_covariance(sides_px, blur_px, white_e, black_e, sensor, rng, way_px=(0.0, 0.0)):
     """px², the Cramér–Rao bound of a tag's centre, estimated with its homography, gain and offset: mean over codes.
 
-    `sides_px` (2, 2) has a module's two sides in its columns. The image is drawn SUPER times finer and blurred by all
-    that `blur_px` is made of.
+    `sides_px` (2, 2) has a module's two sides in its columns. The image is drawn SUPER times finer, blurred by all
+    that `blur_px` is made of, and smeared evenly along `way_px`.
     """
-    reach = 4.6 * np.abs(sides_px).sum(axis=1) + 5 * blur_px
+    reach = 4.6 * np.abs(sides_px).sum(axis=1) + 5 * blur_px + np.abs(way_px)
     half = np.ceil(reach).astype(int)
     fine = [(np.arange((2 * h + 1) * SUPER) + 0.5) / SUPER - h - 0.5 for h in half]
     x, y = np.meshgrid(*fine)
@@ -53,10 +62,13 @@ def drawn_covariance(sides_px, blur_px, white_e, black_e, sensor, rng):
         paper = np.ones(u.shape)
         paper[inside] = tag[row[inside], column[inside]]
         image = gaussian_filter(paper.reshape(x.shape), blur_px * SUPER, truncate=6)
+        if any(way_px):
+            image = smeared(image, np.multiply(way_px, SUPER))
         slope_y, slope_x = np.gradient(image, 1 / SUPER)
         middle = np.s_[SUPER // 2 :: SUPER, SUPER // 2 :: SUPER]
         level, gx, gy, px, py = (a[middle].ravel() for a in (image, slope_x, slope_y, x, y))
-        outside = np.abs(np.linalg.inv(sides_px) @ np.stack([px, py])).max(axis=0) > 4
+        beyond = np.linalg.inv(sides_px) @ np.stack([px, py])
+        outside = np.abs(beyond).max(axis=0) > 4 + np.abs(np.linalg.inv(sides_px) @ way_px).max() / 2
         level, gx, gy, px, py = (a[~outside] for a in (level, gx, gy, px, py))
         radial = px * gx + py * gy
         columns = [gx, gy, px * gx, py * gx, px * gy, py * gy, px * radial, py * radial]
@@ -95,6 +107,35 @@ def test_the_closed_form_is_the_bound_of_drawn_tags(module_m, normal, focus_m, p
     blur = math.sqrt((psf_um / 4.65) ** 2 + 1 / 12 + (float(camera.circle_of_confusion_px(POINT)[0]) / 4) ** 2)
     electrons = electrons_per_radiance(camera, SENSOR)
     drawn = drawn_covariance(sides, blur, 0.05 * electrons, 0.006 * electrons, SENSOR, np.random.default_rng(0))
+    ratios = np.linalg.eigvals(np.linalg.solve(drawn, closed)).real
+    assert np.abs(np.log(ratios)).max() < math.log(1 + tolerance), ratios
+
+
+@pytest.mark.parametrize(
+    ("module_m", "normal", "way", "tolerance"),
+    [
+        # The way in modules along the tag's sides.
+        (0.015, (0, -1, 0), (0.25, 0.0), RESOLVED),
+        (0.015, (0, -1, 0), (0.3, 0.3), RESOLVED),
+        (0.005, (0, -1, 0), (0.4, 0.0), RESOLVED),
+        (0.015, (0.5, -0.6, 0.6245), (0.5, 0.0), RESOLVED),
+        (0.010, (0, -1, 0), (0.0, 0.8), RESOLVED),
+        (0.015, (0.5, -0.6, 0.6245), (0.5, -0.6), SLANTED_WAY),
+    ],
+)
+def test_the_closed_form_is_the_bound_of_drawn_tags_that_move(module_m, normal, way, tolerance):
+    """Smeared by an even way, which the closed form takes for a Gaussian: again along every direction."""
+    normal = np.array(normal) / np.linalg.norm(normal)
+    along = np.cross([0, 0, 1.0], normal)
+    along /= np.linalg.norm(along)
+    sides_m = np.stack([along, np.cross(normal, along)], axis=1) * module_m
+    velocity = sides_m @ way / (SENSOR.exposure_ms * 1e-3)
+    look = dataclasses.replace(appearance(module_m, along=[along]), velocity_m_per_s=velocity[None])
+    closed = covariance(look, normal=[normal], psf_sigma_um=PSF_UM)
+    sides = CAMERA.jacobian(POINT)[0] @ sides_m
+    blur, electrons = math.sqrt((PSF_UM / 4.65) ** 2 + 1 / 12), electrons_per_radiance(CAMERA, SENSOR)
+    levels = 0.05 * electrons, 0.006 * electrons
+    drawn = drawn_covariance(sides, blur, *levels, SENSOR, np.random.default_rng(0), sides @ way)
     ratios = np.linalg.eigvals(np.linalg.solve(drawn, closed)).real
     assert np.abs(np.log(ratios)).max() < math.log(1 + tolerance), ratios
 

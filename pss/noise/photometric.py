@@ -3,7 +3,8 @@
 An edge of length ℓ px with the contrast Δ, seen through a Gaussian blur of σ = s px with noise σ_e a pixel, fixes its
 own position to the variance 2√π·s·σ_e²/(Δ²·ℓ): the Cramér–Rao bound, since the squared slope of an error function
 integrates to Δ²/(2√π·s). A tag's edges run along its two sides, and its centre is estimated together with the rest of
-a homography. Foreshortening makes the result a full 2 × 2 covariance.
+a homography. Foreshortening makes the result a full 2 × 2 covariance, and so does motion during the exposure, which
+blurs the edges that it crosses (`pss.noise.blur`).
 """
 
 from __future__ import annotations
@@ -17,8 +18,8 @@ from numpy.typing import NDArray
 from scipy.special import erf
 
 from pss.errors import RangeError
+from pss.noise.blur import EdgeBlur, edge_blur, sensors_of, still_variance_px2, way_px
 from pss.noise.covariance import PixelCovariance
-from pss.noise.factors import of_camera
 from pss.photometry import Appearance, ImageSensor, electrons_per_radiance
 from pss.views import Views
 
@@ -26,15 +27,10 @@ __all__ = ["BrightnessContrast", "module_sides"]
 
 Floats = NDArray[np.float64]
 
-# px², variance of a square pixel's own width.
-PIXEL_VARIANCE_PX2 = 1 / 12
-# A uniform disc of diameter cc has the standard deviation cc/4 along any axis.
-DIAMETERS_PER_SIGMA = 4.0
-
 
 @dataclass(frozen=True)
 class BrightnessContrast:
-    """Photon, read and quantisation noise against the contrast that is left after defocus (Table 1). No fit in it.
+    """Photon, read and quantisation noise against the contrast that blur leaves (Table 1). No fit in it.
 
     Needs `appearance` in `pss.evaluate`.
 
@@ -58,11 +54,18 @@ class BrightnessContrast:
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             a, b = (np.hypot(side[:, 0], side[:, 1]) for side in (across, down))
             area = np.abs(across[:, 0] * down[:, 1] - across[:, 1] * down[:, 0])
-            blur = np.sqrt(_blur_variance(views))
-            strength = self._edge_information(views, appearance, blur)
-            # Edges that run down lie `area / b` px apart, and fix a step across (in modules) as (area / b)² · b.
-            first = _Moments(appearance.modules, area / b / blur, b / blur, strength * area**2 / b)
-            second = _Moments(appearance.modules, area / a / blur, a / blur, strength * area**2 / a)
+            still, way = np.sqrt(still_variance_px2(views)), way_px(views, self.sensor)
+            squared_contrast, noise = self._levels(views, appearance)
+
+            def moments(side: Floats, length: Floats) -> _Moments:
+                """Of the edges that run along a side of the module, of `length` px."""
+                blur = edge_blur(still, side, way)
+                # 1/px² for each px of edge.
+                strength = squared_contrast / (2 * math.sqrt(math.pi) * blur.across * noise)
+                # They lie `area / length` px apart, and fix a step across (in modules) as (area / length)² · length.
+                return _Moments(appearance.modules, area / length, length, blur, strength * area**2 / length)
+
+            first, second = moments(down, b), moments(across, a)
             variance_across, variance_down = first.centre_variance(second), second.centre_variance(first)
             uu, vv, uv = (
                 variance_across * across[:, i] * across[:, j] + variance_down * down[:, i] * down[:, j]
@@ -72,12 +75,9 @@ class BrightnessContrast:
         nothing = np.inf
         return PixelCovariance(np.where(known, uu, nothing), np.where(known, vv, nothing), np.where(known, uv, 0.0))
 
-    def _edge_information(self, views: Views, appearance: Appearance, blur: Floats) -> Floats:
-        """1/px² for each px of edge: Δ²/(2√π·s·σ_e²), (C, N)."""
-        if isinstance(self.sensor, ImageSensor):
-            sensors = [self.sensor] * len(views.cameras)
-        else:
-            sensors = [of_camera(self.sensor, camera.name, "sensor") for camera in views.cameras]
+    def _levels(self, views: Views, appearance: Appearance) -> tuple[Floats, Floats]:
+        """e⁻², the squared contrast of an edge and the mean variance of its two sides, (C, N) each."""
+        sensors = sensors_of(self.sensor, views)
         per_radiance = np.array(
             [electrons_per_radiance(camera, sensor) for camera, sensor in zip(views.cameras, sensors, strict=True)]
         ).reshape(-1, 1)
@@ -90,8 +90,7 @@ class BrightnessContrast:
             np.minimum(collected * np.asarray(radiance), full_well)
             for radiance in (appearance.white_w_per_m2_sr, appearance.black_w_per_m2_sr)
         )
-        noise = (white + black) / 2 + dark
-        return np.asarray((white - black) ** 2 / (2 * math.sqrt(math.pi) * blur * noise))
+        return np.asarray((white - black) ** 2), np.asarray((white + black) / 2 + dark)
 
 
 class _Moments:
@@ -102,14 +101,16 @@ class _Moments:
     edges overlap, which takes away exp(−d²/4s²) of the information of each, and lose some length at their ends.
     """
 
-    def __init__(self, modules: int, spacing: Floats, length: Floats, weight: Floats) -> None:
+    def __init__(self, modules: int, spacing_px: Floats, length_px: Floats, blur: EdgeBlur, weight: Floats) -> None:
         """All (C, N).
 
         Args:
-            spacing: of lines a module apart, in units of the blur.
-            length: of a module along the edges, in units of the blur.
+            spacing_px: px, of lines a module apart.
+            length_px: px, of a module along the edges.
+            blur: of the edges.
             weight: 1/module² for each module of edge.
         """
+        spacing, length = spacing_px / blur.across, length_px / blur.along
         overlap = np.exp(-(spacing**2) / 4)
         inner = modules - 2
 
@@ -142,12 +143,6 @@ class _Moments:
         """
         known = self.zeroth - self.second**2 / (self.fourth + other.mixed)
         return np.asarray(np.where(known > 0, 1 / known, np.inf))
-
-
-def _blur_variance(views: Views) -> Floats:
-    """px², of all that smears an edge: the lens in focus, out of it, and the pixel's own width."""
-    defocus_px = views.circle_of_confusion_px / DIAMETERS_PER_SIGMA
-    return np.asarray(views.arrays.psf_sigma_px**2 + PIXEL_VARIANCE_PX2 + defocus_px**2)
 
 
 def module_sides(appearance: Appearance, views: Views) -> tuple[Floats, Floats]:
