@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss.errors import RangeError
+from pss.noise.blur import DIAMETERS_PER_SIGMA, SQUARED_LENGTHS_PER_VARIANCE, way_across_px, way_px
 from pss.noise.calibrated import Calibration
 from pss.noise.photometric import module_sides
-from pss.photometry import Appearance
+from pss.photometry import Appearance, ImageSensor
 from pss.surrogates import Shape, any_blocks
 from pss.views import Views
 from pss.visibility import CLEARANCE_M, VISIBILITY_TESTS, VisibilityTest
@@ -88,12 +89,15 @@ class Legible:
 
     Attributes:
         smallest_module_px: px, of a module's narrow side (`narrow_side_px`).
-        largest_blur_modules: of the circle of confusion over that side.
+        largest_blur_modules: of the circle of confusion over that side, with what motion adds (`blur_modules`).
+        sensor: the cameras' image sensor, or one for each by the camera's name, whose exposure blurs what moves; None
+            leaves motion out.
     """
 
     smallest_module_px: float
     largest_blur_modules: float
     name: str = "legible"
+    sensor: ImageSensor | Mapping[str, ImageSensor] | None = None
 
     def __post_init__(self) -> None:
         for name in ("smallest_module_px", "largest_blur_modules"):
@@ -109,17 +113,22 @@ class Legible:
         _appearance(self.name, views)
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             large = narrow_side_px(views) >= self.smallest_module_px
-            return np.asarray(candidates & large & (blur_modules(views) <= self.largest_blur_modules))
+            return np.asarray(candidates & large & (blur_modules(views, self.sensor) <= self.largest_blur_modules))
 
 
 TARGET_VISIBILITY: tuple[VisibilityTest, ...] = (*VISIBILITY_TESTS, WholeTarget())
 
 
-def visibility_tests(name: str | Path) -> tuple[VisibilityTest, ...]:
+def visibility_tests(
+    name: str | Path, sensor: ImageSensor | Mapping[str, ImageSensor] | None = None
+) -> tuple[VisibilityTest, ...]:
     """The visibility tests called `name`, for `pss.evaluate(…, visibility=…)`.
 
     "point" is the paper's: a line of sight to the point. "target" asks for the whole target. The path of a calibration
     (.toml) asks for what its detector needs besides; one without limits is "target".
+
+    Args:
+        sensor: of `Legible`; for targets that move.
 
     Raises:
         RangeError: an unknown name, or a file that is no calibration.
@@ -130,14 +139,17 @@ def visibility_tests(name: str | Path) -> tuple[VisibilityTest, ...]:
         return TARGET_VISIBILITY
     if not str(name).endswith(".toml"):
         raise RangeError(f"visibility {name!r}; allowed: {', '.join(VISIBILITIES)}, or a calibration's path (.toml)")
-    return within_limits(Calibration.from_file(name).limits)
+    return within_limits(Calibration.from_file(name).limits, sensor)
 
 
-def within_limits(limits: Mapping[str, float]) -> tuple[VisibilityTest, ...]:
-    """Whole targets that are legible by a calibration's limits, if it has any."""
+def within_limits(
+    limits: Mapping[str, float], sensor: ImageSensor | Mapping[str, ImageSensor] | None = None
+) -> tuple[VisibilityTest, ...]:
+    """Whole targets that are legible by a calibration's limits, if it has any; `sensor` as in `visibility_tests`."""
     if not limits:
         return TARGET_VISIBILITY
-    return (*TARGET_VISIBILITY, Legible(limits["smallest_module_px"], limits["largest_blur_modules"]))
+    legible = Legible(limits["smallest_module_px"], limits["largest_blur_modules"], sensor=sensor)
+    return (*TARGET_VISIBILITY, legible)
 
 
 def narrow_side_px(views: Views) -> Floats:
@@ -149,10 +161,27 @@ def narrow_side_px(views: Views) -> Floats:
         return np.asarray(area / longer)
 
 
-def blur_modules(views: Views) -> Floats:
-    """(C, N), the circle of confusion over a module's narrow side."""
+def blur_modules(views: Views, sensor: ImageSensor | Mapping[str, ImageSensor] | None = None) -> Floats:
+    """(C, N), the circle of confusion over a module's narrow side.
+
+    What moves has that of a disc that blurs as much across the edges (of equal second moment), over the module's width
+    there, for the worse of its two sides.
+
+    Args:
+        sensor: whose exposure blurs what moves, as in `Legible`; None leaves motion out.
+    """
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        return np.asarray(views.circle_of_confusion_px / narrow_side_px(views))
+        way = None if sensor is None else way_px(views, sensor)
+        if way is None:
+            return np.asarray(views.circle_of_confusion_px / narrow_side_px(views))
+        across, down = module_sides(_appearance("legible", views), views)
+        area = np.abs(across[:, 0] * down[:, 1] - across[:, 1] * down[:, 0])
+        found = []
+        for side in (across, down):
+            of_motion = (DIAMETERS_PER_SIGMA * way_across_px(side, way)) ** 2 / SQUARED_LENGTHS_PER_VARIANCE
+            diameter = np.sqrt(views.circle_of_confusion_px**2 + of_motion)
+            found.append(diameter * np.hypot(side[:, 0], side[:, 1]) / area)
+        return np.asarray(np.maximum(*found))
 
 
 def _appearance(name: str, views: Views) -> Appearance:

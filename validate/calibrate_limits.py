@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pss import RangeError
+from pss import ImageSensor, RangeError
 from pss.legibility import TARGET_VISIBILITY, blur_modules, narrow_side_px
 from pss.surrogates import Shape
 from pss.views import Views
@@ -50,23 +50,31 @@ class FittedLimits:
         }
 
 
-def fit_limits(views: Views, occluders: tuple[Shape, ...], detection_rate: Floats) -> FittedLimits:
+def fit_limits(
+    views: Views, occluders: tuple[Shape, ...], detection_rate: Floats, sensor: ImageSensor | None = None
+) -> FittedLimits:
     """The limits by which most of the trials are told right.
 
     Args:
         views: of the training cameras, with normals and appearance.
         detection_rate: share of the trials in which each view found each marker, (V, N).
+        sensor: whose exposure blurs what moves; None leaves motion out.
 
     Raises:
         RangeError: no target is seen as a whole.
     """
-    return limits_of_targets(*whole_targets(views, occluders, detection_rate))
+    return limits_of_targets(*whole_targets(views, occluders, detection_rate, sensor))
 
 
-def whole_targets(views: Views, occluders: tuple[Shape, ...], detection_rate: Floats) -> tuple[Floats, Floats, Floats]:
+def whole_targets(
+    views: Views,
+    occluders: tuple[Shape, ...],
+    detection_rate: Floats,
+    sensor: ImageSensor | Mapping[str, ImageSensor] | None = None,
+) -> tuple[Floats, Floats, Floats]:
     """The targets that are in view as a whole: their modules' narrow sides in px, blurs in modules and rates, (M,)."""
     whole = visible_in(views, occluders, TARGET_VISIBILITY)
-    return narrow_side_px(views)[whole], blur_modules(views)[whole], detection_rate[whole]
+    return narrow_side_px(views)[whole], blur_modules(views, sensor)[whole], detection_rate[whole]
 
 
 def limits_of_targets(module: Floats, blur: Floats, rate: Floats) -> FittedLimits:

@@ -149,7 +149,7 @@ def judge(
         rows["blunders"].append(blunder_row(verdict))
         rows["consistency"] += consistency_rows(verdict, bank, data, contenders, acquired)
         if count == HEADLINE:
-            visible = visibilities(calibration)
+            visible = visibilities(bank.scene, calibration)
             rows["detection"] += detection_rows(bank, data, verdict, visible, acquired)
             rows["sensitivity"] += sensitivity_rows(bank, data, verdict, visible["points"], acquired)
             named = [model for model in models if model.name in PARTS_OF]

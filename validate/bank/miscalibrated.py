@@ -72,7 +72,7 @@ def run(
     data = data_of(bank, acquired, seed)
     rng = random_stream(seed, bank.scene.path.name, "calibration error")
     drawn = draw_configurations([camera.name for camera in bank.cameras], CAMERAS, configurations, rng)
-    tests = visibilities(calibration)["fitted limits"]
+    tests = visibilities(loaded, calibration)["fitted limits"]
 
     def predict(model: NoiseModel) -> Floats:
         found = predictions(bank, [Contender("asked", model, tests)], drawn, appearance_of(loaded, acquired))

@@ -81,7 +81,7 @@ def limits_of(bank: ViewBank, data: BankData, acquired: Acquired) -> FittedLimit
     """Limits of detection fitted on a training bank."""
     state = bank.scene.state
     views = Views(list(bank.cameras), state.points_m, state.normals, appearance_of(bank.scene, acquired))
-    return fit_limits(views, state.occluders, data.detected.mean(axis=1))
+    return fit_limits(views, state.occluders, data.detected.mean(axis=1), bank.scene.sensor)
 
 
 def noise_models(scene: Scene, calibration: Calibration) -> list[NoiseModel]:
@@ -90,15 +90,18 @@ def noise_models(scene: Scene, calibration: Calibration) -> list[NoiseModel]:
     return [*free, NoiseModel(calibration.name, calibration.factors(scene.sensor, scene.sensor.ccd_noise))]
 
 
-def visibilities(calibration: Calibration) -> dict[str, tuple[VisibilityTest, ...]]:
+def visibilities(scene: Scene, calibration: Calibration) -> dict[str, tuple[VisibilityTest, ...]]:
     """What may count as visible: the paper's points, whole markers, and those within the fitted limits."""
-    fitted = within_limits(calibration.limits)
+    fitted = within_limits(calibration.limits, scene.sensor)
     return {"points": VISIBILITY_TESTS, "whole markers": TARGET_VISIBILITY, "fitted limits": fitted}
 
 
 def scene_contenders(scene: Scene, calibration: Calibration) -> list[Contender]:
     """What is judged in a scene: each R with the paper's visibility, and those that know of whole markers."""
-    models, visible = {model.name: model for model in noise_models(scene, calibration)}, visibilities(calibration)
+    models, visible = (
+        {model.name: model for model in noise_models(scene, calibration)},
+        visibilities(scene, calibration),
+    )
     return [
         *(Contender(name, models[name]) for name in FREE_MODELS),
         Contender(PHYSICAL_WHOLE, models["physical"], visible["whole markers"]),
