@@ -101,7 +101,23 @@ def appearance(state: SceneState, meshes: GlowMeshes) -> Appearance:
         along=np.array([marker.right for marker in state.markers]),
         modules=len(pattern(state.print.dictionary, state.markers[0].id)),
         ring_light=state.light.ring_w_per_sr > 0,
+        velocity_m_per_s=_marker_velocities(state),
     )
+
+
+def _marker_velocities(state: SceneState) -> Floats | None:
+    """m/s, (N, 3), of the markers at the middle of the exposure, as their objects carry them; None if none moves."""
+    motions = {item.shape.name: item.motion for item in state.objects}
+    of_markers = [motions.get(marker.object_name) for marker in state.markers]
+    if not any(of_markers):
+        return None
+    velocities = np.zeros((len(state.markers), 3))
+    for number, (marker, motion) in enumerate(zip(state.markers, of_markers, strict=True)):
+        if motion is not None:
+            from_axis_m = np.array(marker.centre_m) - motion.about_m
+            turning = np.cross(np.radians(motion.turn_rate_deg_per_s), from_axis_m)
+            velocities[number] = motion.velocity_m_per_s + turning
+    return velocities
 
 
 def _leaving(surface: Surface, vertices: int, light: Radiosity) -> Floats:
