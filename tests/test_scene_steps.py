@@ -26,6 +26,8 @@ FACTORS = {
     "resolution": 5,
     "ring-distance": 5,
 }
+# Of another scene, with a topic of its own.
+MOTION = "exposure-motion"
 # m and 1: positions in the files have four decimals.
 ROUNDED = 2e-4
 MIDDLE, NORMAL = (0.0, -3.5, 2.2), (0.0, 1.0, 0.0)
@@ -51,7 +53,7 @@ def configurations(folder, text, *replacements):
 
 
 def test_sweeps_of_one_factor_are_those_that_vary_the_scene():
-    assert {name for name in known_sweeps() if load_sweep(name).varies_scene} == set(FACTORS)
+    assert {name for name in known_sweeps() if load_sweep(name).varies_scene} == {*FACTORS, MOTION}
 
 
 @pytest.mark.parametrize("name", FACTORS)
@@ -65,6 +67,21 @@ def test_the_factor_sweeps_fit_the_bench(name, bench):
         state = step.scene.state
         seen = evaluate(step.cameras, state.points_m, state.normals, noise="corrected", occluder=state.occluders)
         assert seen.visible.mean() > 0.97, step.label
+
+
+def test_the_exposure_of_walkers_fits_the_hallway():
+    """All steps are one scene without warnings, in which both avatars walk and nothing but the sensor differs."""
+    sweep = load_sweep(MOTION)
+    found = sweep.configurations(load_scene(sweep.scene_path))
+    assert [step.scene.sensor.exposure_ms for step in found] == [step.value for step in found]
+    assert len({state_key(step.scene.state) for step in found}) == 1
+    speeds = [np.linalg.norm(item.motion.velocity_m_per_s) for item in found[0].scene.state.objects]
+    assert speeds == pytest.approx([1.2, 1.2])
+    for step in found:
+        assert not step.scene.warnings
+        for number, camera in enumerate(step.cameras):
+            body = step.scene.state.objects[number // 2].shape.vertices_m
+            assert camera.in_frustum(body).mean() > 0.97
 
 
 def test_a_step_has_its_own_sensor_noise_and_views(bench):
