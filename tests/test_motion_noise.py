@@ -33,7 +33,7 @@ ROOT = Path(__file__).resolve().parents[1]
 REFERENCE = ROOT / "results" / "reference" / "exposure-motion"
 
 ROUNDING = 1e-9
-# A Gaussian of the same second moment in place of a box: an edge's variance is at most 4 % too low, where the way is
+# A Gaussian of the same second moment in place of a box: an edge's variance is at most 4.3 % too low, where the way is
 # eight times the blur, and 2.3 % where it is all there is. Of the rest, 1 % is the noise of the two sides, of which
 # the closed form takes the mean, and the pixels.
 GAUSSIAN_FOR_BOX = 0.05
