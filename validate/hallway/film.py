@@ -24,8 +24,10 @@ Picture = NDArray[np.uint8]
 
 # Of Pillow's 0 to 100: the text's edges stay clean. Slower methods than the fourth save some percent.
 WEBP_QUALITY, WEBP_METHOD = 85, 4
-GIF_COLOURS = 128
-# Free of patents, and part of OpenCV's own wheels. H.264 is not, and what they have of MPEG-4 no browser shows.
+# Steps of four levels don't show as bands in a noisy image. Channels that differ by less than so many levels are grey.
+GIF_GREYS, GREY_LEVELS = 64, 8
+# Free of patents, and part of OpenCV's own wheels. H.264 is not, and what they have of MPEG-4 no browser shows. OpenCV
+# says on stderr that WebM has no such tag, and writes it all the same.
 WEBM_CODEC = "VP90"
 
 
@@ -71,9 +73,19 @@ def _write_webp(path: Path, pictures: Iterator[Picture], frames_per_second: floa
 
 
 def _write_gif(path: Path, pictures: Iterator[Picture], frames_per_second: float) -> None:
-    # Dithering and more colours make grey images larger and no better.
-    coloured = (Image.fromarray(picture).quantize(GIF_COLOURS, dither=Image.Dither.NONE) for picture in pictures)
-    _save(path, coloured, frames_per_second, 10, optimize=False)
+    _save(path, map(_paletted, pictures), frames_per_second, 10, optimize=False)
+
+
+def _paletted(picture: Picture) -> Image.Image:
+    """A picture in 256 colours: evenly spaced greys for the views, and what the rest needs."""
+    greys = np.repeat(np.linspace(0, 255, GIF_GREYS).round().astype(np.uint8), 3)
+    coloured = picture[np.ptp(picture, axis=2) > GREY_LEVELS]
+    # Median cut, Pillow's own choice, gives its colours to large areas and leaves none to the marks.
+    chosen = Image.fromarray(coloured[None]).quantize(256 - GIF_GREYS, method=Image.Quantize.FASTOCTREE)
+    palette = Image.new("P", (1, 1))
+    palette.putpalette([*greys.tolist(), *(chosen.getpalette() or [])])
+    # Dithering makes grey images larger and no better.
+    return Image.fromarray(picture).quantize(palette=palette, dither=Image.Dither.NONE)
 
 
 def _save(path: Path, pictures: Iterator[Image.Image], frames_per_second: float, unit_ms: int, **options: int) -> None:
