@@ -70,7 +70,7 @@ def whole_targets(
     views: Views,
     occluders: tuple[Shape, ...],
     detection_rate: Floats,
-    sensor: ImageSensor | Mapping[str, ImageSensor] | None = None,
+    sensor: ImageSensor | None = None,
 ) -> tuple[Floats, Floats, Floats]:
     """The targets that are in view as a whole: their modules' narrow sides in px, blurs in modules and rates, (M,)."""
     whole = visible_in(views, occluders, TARGET_VISIBILITY)

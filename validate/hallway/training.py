@@ -100,7 +100,7 @@ def calibrate_hallway(training: list[Training], acquired: Acquired) -> Calibrati
             covariances.append(factor_covariances(*geometry, look, sensor, of_place, CALIBRATION_FACTORS))
         views = Views(list(place.cameras), state.points_m, state.normals, look)
         rate = np.array([view.detected.mean(axis=0) for view in measured])
-        targets.append(whole_targets(views, state.occluders, rate))
+        targets.append(whole_targets(views, state.occluders, rate, sensor))
     if not moments:
         raise RangeError("no marker was found often enough in any training view; allowed: at least one in one of them")
     together = PixelMoments(
