@@ -1,0 +1,125 @@
+"""The hallway's findings: strategies over the steps of a walk, the paper's claims, and the real walk."""
+
+from __future__ import annotations
+
+from validate.findings.tables import Row, Tables, all_of, number, one_of
+
+__all__ = ["hallway_findings"]
+
+MODELS = ("as-printed", "corrected", "physical", "physical, whole markers", "calibrated")
+OF_THE_PAPER = ("as-printed", "corrected")
+KINDS = ("filter", "single frame")
+# Columns of the claims' table.
+SIDES = (("predicted", "corrected"), ("predicted", "calibrated"), ("measured", ""))
+
+
+def hallway_findings(tables: Tables) -> str:
+    """Tables and sentences, in Markdown; the real walk's if it was rendered."""
+    parts = [_agreement(tables["agreement"]), _claims(tables["claims"]), _strategies(tables)]
+    if "walk_consistency" in tables:
+        parts.append(_real_walk(tables["walk_consistency"], tables["walk_misfit"]))
+    return "\n\n".join(parts)
+
+
+def _agreement(rows: list[Row] | tuple[Row, ...]) -> str:
+    """Predicted against measured PSS over the steps."""
+    chosen = all_of(rows, avatar="both", zoom_limit="none")
+    head = ["strategy", *(f"{model}, {kind}" for kind in KINDS for model in ("corrected", "physical", "calibrated"))]
+    lines = [_line(head), "|" + "---|" * len(head)]
+    for strategy in dict.fromkeys(row["strategy"] for row in chosen):
+        cells = []
+        for kind in KINDS:
+            for model in ("corrected", "physical", "calibrated"):
+                row = one_of(chosen, strategy=strategy, kind=kind, noise_model=model)
+                cells.append(f"{number(row, 'spearman')}; {float(row['median_abs_log_ratio']):.2f}")
+        lines.append(_line([strategy, *cells]))
+    said = []
+    for kind, words in zip(KINDS, ("the paper's PSS (σ∞) beside the filter's", "single-frame PSS"), strict=True):
+        of_all = [one_of(chosen, strategy="all", kind=kind, noise_model=model) for model in MODELS]
+        each = "; ".join(f"{row['noise_model']} {number(row, 'spearman')}" for row in of_all)
+        in_metres = [row for row in of_all if row["noise_model"] not in OF_THE_PAPER]
+        ratios = "; ".join(f"{row['noise_model']} {number(row, 'median_abs_log_ratio')}" for row in in_metres)
+        said.append(f"- Over all strategies and steps, {words}: ρ = {each}.")
+        said.append(f"- The median of |log(predicted/measured)|, {words}: {ratios}.")
+    by_strategy = "By strategy, ρ over its steps with its interval, and the median |log ratio|:"
+    return "\n\n".join(["\n".join(said), by_strategy, "\n".join(lines)])
+
+
+def _claims(rows: list[Row] | tuple[Row, ...]) -> str:
+    heads = ["the paper's claim", "kind", *(" ".join(filter(None, side)) for side in SIDES), "figure", "where"]
+    lines = [_line(heads), "|" + "---|" * len(heads)]
+    for claim, kind, at in dict.fromkeys((row["claim"], row["kind"], _place(row)) for row in rows):
+        cells, figure, places = [], "", []
+        for side, model in SIDES:
+            found = [r for r in all_of(rows, claim=claim, kind=kind, side=side, noise_model=model) if _place(r) == at]
+            if not found:
+                cells.append("")
+                continue
+            row = found[0]
+            figure = row["figure"]
+            places.append(row["at"])
+            cells.append(f"{row['holds']}: {number(row, 'value')}" if row["value"] else row["holds"])
+        where = ", ".join(dict.fromkeys(place for place in places if place))
+        lines.append(_line([claim, kind, *cells, figure.partition(" (median")[0], where]))
+    return "\n".join(lines)
+
+
+def _place(row: Row) -> str:
+    """What tells two rows of one claim apart: the zoom limit, and not where the figure was found."""
+    return row["at"] if row["at"].startswith(("zoom limit", "x")) else row["figure"] if not row["at"] else ""
+
+
+def _strategies(tables: Tables) -> str:
+    """Ranks by prediction and by every yardstick, without a zoom limit."""
+    rows = all_of(tables["strategies"], avatar="both", zoom_limit="none")
+    names = list(dict.fromkeys(row["strategy"] for row in rows))
+    lines = [_line(["rank by", *names]), "|" + "---|" * (len(names) + 1)]
+    for model, figure in dict.fromkeys((row["noise_model"], row["figure"]) for row in rows):
+        if model not in ("", "corrected", "calibrated"):
+            continue
+        of_figure = {row["strategy"]: row for row in all_of(rows, noise_model=model, figure=figure)}
+        cells = [
+            f"{float(row['rank']):g} [{float(row['rank_ci_low']):g}, {float(row['rank_ci_high']):g}]"
+            for row in (of_figure[name] for name in names)
+        ]
+        lines.append(_line([f"{figure}, {model}" if model else figure, *cells]))
+    ranking = all_of(tables["ranking"], avatar="both", zoom_limit="none", noise_model="calibrated")
+    said = [
+        f"- By {row['kind']} PSS (calibrated) against {row['yardstick']}: ρ = {number(row, 'spearman')} over "
+        f"{row['strategies']} strategies; it chooses {row['chosen']}, the best is {row['best']}"
+        + (f", and that loses {100 * float(row['regret']):.1f} %." if row["regret"] else ".")
+        for row in ranking
+    ]
+    return "\n".join(lines) + "\n\n" + "\n".join(said)
+
+
+def _real_walk(consistency: list[Row] | tuple[Row, ...], misfit: list[Row] | tuple[Row, ...]) -> str:
+    heads = ["markers", "tracked", "NEES/3 before an update", "after", "within 95 %, after", "RMS after: measured",
+             "believed", "predicted", "lost", "density of acceleration"]  # fmt: skip
+    lines = [_line(heads), "|" + "---|" * len(heads)]
+    for row in all_of(consistency, least_views="2"):
+        density = one_of(misfit, group=row["group"])["density_m2_s3"]
+        lines.append(
+            _line(
+                [
+                    row["group"],
+                    f"{100 * float(row['share_tracked']):.0f} %",
+                    number(row, "prior_nees_per_dof"),
+                    number(row, "posterior_nees_per_dof"),
+                    f"{100 * float(row['posterior_coverage_95'] or 'nan'):.0f} %",
+                    *(_millimetres(row.get(f"posterior_{name}", "")) for name in (
+                        "common_rms_m", "believed_rms_m", "predicted_rms_m")),
+                    f"{row['losses']} ({row['found_again']} found again)",
+                    f"{float(density):.2g} m²/s³",
+                ]
+            )
+        )  # fmt: skip
+    return "The real walk, of frames in which two views or more updated a marker:\n\n" + "\n".join(lines)
+
+
+def _millimetres(metres: str) -> str:
+    return f"{1000 * float(metres):.2g} mm" if metres else ""
+
+
+def _line(cells: list[str]) -> str:
+    return "| " + " | ".join(cells) + " |"
