@@ -264,6 +264,18 @@ def test_a_film_has_its_frames_in_their_order(tmp_path, shown, ending):
     assert [path.name for path in tmp_path.iterdir()] == [f"film{ending}"]
 
 
+def test_each_picture_has_the_way_up_to_its_own_step(tmp_path, monkeypatch):
+    ways = []
+    monkeypatch.setattr(
+        "validate.hallway.film.draw_frame",
+        lambda frame, room, strategy, walked: ways.append(walked) or np.full((720, 1280, 3), 50 * len(ways), np.uint8),
+    )
+    write_film(tmp_path / "film.webp", walk(), ROOM, "follow")
+    for k, way in enumerate(ways):
+        np.testing.assert_array_equal(way["H1"], [[-0.6, -3 + 2.0 * j, 0.9] for j in range(k + 1)])
+    assert len(ways) == 3
+
+
 @pytest.mark.parametrize("ending", list(FILM_ENDINGS))
 def test_the_marks_of_what_was_found_keep_their_colour(tmp_path, ending):
     """They are few pixels among many greys, which a palette may leave without a colour of their own."""
