@@ -10,7 +10,7 @@ import hashlib
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -54,7 +54,13 @@ def _plain(value: object) -> object:
 
 def state_key(state: SceneState) -> str:
     """Hash of a scene state: the name under which its solved light is stored."""
-    versions = [RENDER_VERSION, MESH_LIGHT_VERSION] if _has_meshes(state) else [RENDER_VERSION]
+    return _state_key(state, RENDER_VERSION, MESH_LIGHT_VERSION)
+
+
+@lru_cache(maxsize=256)
+def _state_key(state: SceneState, version: int, mesh_version: int) -> str:
+    # Kept, because every view of a state asks for it, and a person is some thousand numbers.
+    versions = [version, mesh_version] if _has_meshes(state) else [version]
     return _digest([*versions, state])
 
 

@@ -220,7 +220,7 @@ def test_ranking_by_prediction_and_by_yardsticks(both):
     assert names == [
         "measured PSS, filter",
         "measured PSS, single frame",
-        *(f"share under {mm} mm" for mm in (1, 2, 5, 10)),
+        *(f"share under {mm} mm" for mm in (0.05, 0.1, 1, 2, 5, 10)),
         "median RMS",
     ]
 
@@ -238,9 +238,16 @@ def test_a_yardstick_is_the_plain_figure(both):
 def test_rows_have_the_columns_of_sweeps_and_the_walks(held, both, stage):
     rows = held_configuration_rows(both)
     assert set(SHARED_COLUMNS) <= set(rows[0])
-    assert {"step", "time_s", "strategy", "zoom_limit", "avatar", "pss_surrogate", "markers_found_by_two"} <= set(
-        rows[0]
-    )
+    assert {
+        "step",
+        "time_s",
+        "strategy",
+        "zoom_limit",
+        "avatar",
+        "pss_surrogate",
+        "markers_found_by_two",
+        "track_lost",
+    } <= set(rows[0])
     assert len(rows) == 5 * len(both.assessments)
     for row in rows[:: len(rows) // 7]:
         run = next(
@@ -301,7 +308,7 @@ def test_any_surrogate_can_be_asked_for(surrogate):
     places = [(scene, design.views[0][k]) for k, scene in enumerate(design.scenes)]
     held = assess_held(design, acquired_of(places), Calibration("calibrated", {"brightness-contrast": 1.0}, {}, LIMITS))
     found = held.steps[0][1]
-    of_surrogate = found.surrogate_pss[BOTH][PHYSICAL_WHOLE]
+    of_surrogate = found.surrogate[BOTH][PHYSICAL_WHOLE].pss
     of_markers = found.assessments[BOTH].predicted[PHYSICAL_WHOLE].pss
     assert of_surrogate > 0
     if surrogate == "markers":

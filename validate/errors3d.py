@@ -8,6 +8,7 @@ the truth, so that a bias that every trial repeats counts as error.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -62,12 +63,12 @@ class MeasuredErrors:
         """T."""
         return len(self.errors_m)
 
-    @property
+    @cached_property
     def detected(self) -> NDArray[np.bool_]:
         """(T, N), the point was triangulated in the trial."""
         return ~np.isnan(self.errors_m[:, :, 0])
 
-    @property
+    @cached_property
     def detections(self) -> NDArray[np.int64]:
         """(N,), the number of trials that each point's moments are taken over."""
         return self.detected.sum(axis=0)
@@ -77,18 +78,18 @@ class MeasuredErrors:
         """(N,), detections over trials."""
         return self.detections / self.trials
 
-    @property
+    @cached_property
     def second_moment_m2(self) -> Floats:
         """m², (N, 3, 3), E[eeᵀ] over the trials that triangulated the point."""
         known = np.where(self.detected[..., None], self.errors_m, 0.0)
         return _over(np.einsum("tni,tnj->nij", known, known), self.detections[:, None, None])
 
-    @property
+    @cached_property
     def mean_error_m(self) -> Floats:
         """m, (N, 3)."""
         return _over(np.nansum(self.errors_m, axis=0), self.detections[:, None])
 
-    @property
+    @cached_property
     def sigma_m(self) -> Floats:
         """m, (N,), √λmax of E[eeᵀ]: beside the predicted √λmax of C.
 
@@ -98,23 +99,23 @@ class MeasuredErrors:
         """
         return largest_standard_deviation(self.second_moment_m2)
 
-    @property
+    @cached_property
     def rms_m(self) -> Floats:
         """m, (N,), √tr of E[eeᵀ]: beside the predicted √tr of C."""
         return root_trace(self.second_moment_m2)
 
-    @property
+    @cached_property
     def bias_m(self) -> Floats:
         """m, (N,), length of the mean error; too large by its own scatter: its square by std² over detections."""
         return np.linalg.norm(self.mean_error_m, axis=1)
 
-    @property
+    @cached_property
     def std_m(self) -> Floats:
         """m, (N,), √tr of the covariance about the mean error, with one degree of freedom taken by the mean."""
         squares = np.nansum((self.errors_m - self.mean_error_m) ** 2, axis=(0, 2))
         return np.sqrt(_over(squares, self.detections - 1))
 
-    @property
+    @cached_property
     def noise_share(self) -> float:
         """Share of the mean squared error, summed over the points, that is spread and not bias; nan if unknown.
 
@@ -126,7 +127,7 @@ class MeasuredErrors:
         total = float((self.rms_m[enough] ** 2).sum())
         return min(float((self.std_m[enough] ** 2).sum()) / total, 1.0) if total > 0 else np.nan
 
-    @property
+    @cached_property
     def pooled_rms_m(self) -> float:
         """m, root mean square over the detected points, each with the same weight; nan if there is none.
 
@@ -135,12 +136,12 @@ class MeasuredErrors:
         known = self.rms_m[self.detections > 0]
         return float(np.sqrt((known**2).mean())) if len(known) else np.nan
 
-    @property
+    @cached_property
     def median_rms_m(self) -> float:
         """m, median of the RMS over all points, where a point that was never triangulated has ∞."""
         return float(np.median(np.where(self.detections > 0, self.rms_m, np.inf)))
 
-    @property
+    @cached_property
     def inverse_sigma(self) -> Floats:
         """1/m, (N,), what each point adds to the measured PSS: detection rate over σ, less the bias of 1/σ̂."""
         return measured_inverse_sigma(self.sigma_m, self.detection_rate, self.detections)

@@ -62,10 +62,9 @@ def _rows(result: ScheduleResult, members: list[int], resampled: Integers) -> It
             rho = float(weighted_spearman(predicted.ravel(), measured.ravel()))
             samples = np.asarray(weighted_spearman(x, y))
             low, high = interval(samples[np.isfinite(samples)]) if np.isfinite(samples).any() else (np.nan, np.nan)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                ratio = np.abs(np.log(predicted / measured)).ravel()
-                ratios = np.abs(np.log(x / y))
-            ratio_low, ratio_high = interval(np.median(ratios, axis=1))
+            ratios = _log_ratios(x, y)
+            ratio = _log_ratios(predicted.ravel(), measured.ravel())
+            ratio_low, ratio_high = interval(np.nanmedian(np.abs(ratios), axis=1))
             yield {
                 "kind": kind,
                 "noise_model": model,
@@ -73,13 +72,14 @@ def _rows(result: ScheduleResult, members: list[int], resampled: Integers) -> It
                 "spearman": rho,
                 "spearman_ci_low": float(low),
                 "spearman_ci_high": float(high),
-                "median_abs_log_ratio": float(np.median(ratio)),
+                "median_abs_log_ratio": float(np.nanmedian(np.abs(ratio))),
                 "median_abs_log_ratio_ci_low": float(ratio_low),
                 "median_abs_log_ratio_ci_high": float(ratio_high),
-                "median_log_ratio": _median_log_ratio(predicted, measured),
+                "median_log_ratio": float(np.nanmedian(ratio)),
             }
 
 
-def _median_log_ratio(predicted: Floats, measured: Floats) -> float:
+def _log_ratios(predicted: Floats, measured: Floats) -> Floats:
+    """ln(predicted/measured): infinite where one of them is zero, nan where both are, which agree without a ratio."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        return float(np.median(np.log(predicted / measured)))
+        return np.asarray(np.log(predicted) - np.log(measured))

@@ -86,7 +86,7 @@ def _hump(result: ScheduleResult, curves: Curves, run: int) -> Iterator[Row]:
     y = result.configurations[run * len(values) + best].value
     for text, end in (("PSS first rises, strategy (1)", 0), ("PSS then falls, strategy (1)", -1)):
         yield _row(text, curves, "PSS at its highest / at that end", values[best] / values[end],
-                   samples[:, best] / samples[:, end], f"highest at y = {float(y):.2g} m")  # fmt: skip
+                   samples[:, best] / samples[:, end], f"highest at y = {_place(y)}")  # fmt: skip
 
 
 def _spike(result: ScheduleResult, own: Curves, curves: Curves) -> Row:
@@ -107,8 +107,13 @@ def _spike(result: ScheduleResult, own: Curves, curves: Curves) -> Row:
         "value": float(share[at]),
         "ci_low": float(low),
         "ci_high": float(high),
-        "at": f"y = {float(y):.2g} m",
+        "at": f"y = {_place(y)}",
     }
+
+
+def _place(y_m: float | str) -> str:
+    """Metres along the hallway; a step that is meant to be the middle may come out a rounding beside it."""
+    return f"{round(float(y_m), 6) + 0.0:.2g} m"
 
 
 def _head(claim: str, curves: Curves) -> Row:

@@ -113,7 +113,7 @@ def run(
         "points": held_point_rows(both),
         "views": view_rows([both], acquired),
         "timings": timing_rows(wanted, acquired),
-        "correlation": [{"avatar": r.avatar, **row} for r in results for row in correlation_rows(r)],
+        "correlation": [{"avatar": both.avatar, **row} for row in correlation_rows(both)],
         "agreement": [row for result in results for row in agreement_rows(result)],
         "strategies": [row for result in results for row in strategy_rows(result)],
         "ranking": [row for result in results for row in ranking_rows(result)],

@@ -50,6 +50,8 @@ def schedule_figure(result: ScheduleResult) -> Figure:
     for row, kind in zip(grid, KINDS, strict=True):
         for axes, strategies in zip(row, columns, strict=True):
             _panel(axes, result, strategies, kind)
+        # When all of the row is drawn: a limit that is set ends the search for others.
+        row[0].set_ylim(bottom=0)
         row[0].set_ylabel(f"PSS in 1/mm, {'σ∞ and filter' if kind == 'filter' else 'single frame'}")
     for axes in grid[-1]:
         axes.set_xlabel(f"y of {result.held.design.stage.names[0]} in m")
@@ -84,7 +86,6 @@ def _panel(axes: Axes, result: ScheduleResult, strategies: list[str], kind: str)
         scale = measured.values[number].mean() / beside.values[number].mean()
         axes.plot(y, PER_MM * scale * beside.values[number], color=colour, linewidth=0.7, alpha=0.55)
     axes.axvline(0, color="#bbbbbb", linewidth=0.8, zorder=0)
-    axes.set_ylim(bottom=0)
 
 
 def _key(result: ScheduleResult) -> list[Line2D]:

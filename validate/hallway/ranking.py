@@ -18,6 +18,9 @@ __all__ = ["Yardstick", "ranking_rows", "strategy_rows", "yardsticks"]
 Floats = NDArray[np.float64]
 Row = dict[str, object]
 
+# Below a sweep's thresholds: the errors of these markers are tenths and hundredths of a millimetre.
+FINE_MM = (0.05, 0.1)
+
 
 @dataclass(frozen=True, eq=False)
 class Yardstick:
@@ -41,7 +44,7 @@ def yardsticks(result: ScheduleResult) -> list[Yardstick]:
     runs, steps = result.shape
     found = [_mean_over_steps(f"measured PSS, {kind}", result, "", kind) for kind in KINDS]
     distance = np.array([np.linalg.norm(a.measured.errors.errors_m, axis=2) for a in result.assessments])
-    for mm in THRESHOLDS_MM:
+    for mm in (*FINE_MM, *THRESHOLDS_MM):
         under = (distance < mm / 1000).astype(float)  # nan is not under
         samples = np.einsum("bt,stn,bn->bs", replicates.trial_weights, under, replicates.point_weights, optimize=True)
         by_run = (under.mean(axis=(1, 2)).reshape(runs, steps), samples.reshape(-1, runs, steps))
@@ -106,11 +109,12 @@ def strategy_rows(result: ScheduleResult) -> list[Row]:
 def ranking_rows(result: ScheduleResult) -> list[Row]:
     """A row for each model, kind and yardstick: Spearman's ρ over the strategies, and the regret of the chosen one."""
     rows: list[Row] = []
+    measured = yardsticks(result)
     for limit, members in _by_limit(result).items():
         for model in MODELS:
             for kind in KINDS:
                 predicted = _mean_over_steps("", result, model, kind)
-                for yardstick in yardsticks(result):
+                for yardstick in measured:
                     rows.append(
                         {
                             "avatar": result.avatar,

@@ -116,13 +116,18 @@ def _configuration(held: Held, run: int, step: int, avatar: str) -> Configuratio
 
 
 def _replicates(held: Held, assessments: tuple[Assessment, ...], avatar: str) -> Mapping[str, SweepReplicates]:
-    found = {}
-    for model in MODELS:
-        inverse = np.nan_to_num(1 / np.array([a.predicted[model].single_frame_sigma_m for a in assessments]))
-        # The same stream for every model: they are compared on the same resamples.
-        rng = random_stream(held.design.schedule.said.seed, avatar, "schedule intervals")
-        found[model] = sweep_replicates([a.measured.errors for a in assessments], inverse, rng, REPLICATES)
-    return found
+    errors = [a.measured.errors for a in assessments]
+    said = {
+        model: np.nan_to_num(1 / np.array([a.predicted[model].single_frame_sigma_m for a in assessments]))
+        for model in MODELS
+    }
+    rng = random_stream(held.design.schedule.said.seed, avatar, "schedule intervals")
+    first = sweep_replicates(errors, said[MODELS[0]], rng, REPLICATES)
+    # What is measured is the same for all models, and they are compared on the same resamples.
+    return {
+        model: dataclasses.replace(first, predicted_pss=first.point_weights @ inverse.T)
+        for model, inverse in said.items()
+    }
 
 
 def _inverse_filter_sigma(assessment: Assessment) -> Floats:

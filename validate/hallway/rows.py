@@ -30,10 +30,12 @@ def held_configuration_rows(result: ScheduleResult) -> list[Row]:
                 **_place(result, run, step),
                 "avatar": result.avatar,
                 **row,
-                "pss_surrogate": held.surrogate_pss[result.avatar][model],
+                "pss_surrogate": held.surrogate[result.avatar][model].pss,
+                "sigma_inf_surrogate_rms_m": held.surrogate[result.avatar][model].sigma_inf_rms_m,
                 "markers_seen_by_two": int(seen.sum()),
                 "markers_found_by_two": float(assessment.measured.errors.detection_rate.sum()),
                 "markers_found_by_any": float((rates.max(axis=0) > 0).sum()),
+                "track_lost": int(_lost(result, run, step)),
             }
         )
     return rows
@@ -69,6 +71,15 @@ def run_rows(result: ScheduleResult) -> list[Row]:
             }
         )
     return rows
+
+
+def _lost(result: ScheduleResult, run: int, step: int) -> bool:
+    """Whether the steering had lost the avatar, or one of both."""
+    assert result.held is not None
+    lost = dict(
+        zip(result.held.design.stage.names, result.held.design.runs[run].steered.lost[step].tolist(), strict=True)
+    )
+    return bool(lost.get(result.avatar, any(lost.values())))
 
 
 def _with_places(result: ScheduleResult, rows: Sequence[Row], per: int) -> Iterator[tuple[Row, tuple[int, int]]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -87,7 +88,12 @@ class Stage:
             raise SceneError([f"at {time_s:.4g} s of the walk: {line}" for line in error.problems]) from error
 
     def _item(self, name: str) -> dict[str, Any]:
-        return _item_in(self.scene, name)
+        return self._items[name]
+
+    @cached_property
+    def _items(self) -> dict[str, dict[str, Any]]:
+        """The avatars' tables in the scene file."""
+        return {name: _item_in(self.scene, name) for name in self.names}
 
 
 def _item_in(scene: Scene, name: str) -> dict[str, Any]:

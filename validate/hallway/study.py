@@ -27,6 +27,7 @@ from validate.errors3d import MeasuredErrors
 from validate.hallway.runs import Run
 from validate.hallway.stage import BOTH, Stage
 from validate.hallway.surrogates import avatar_like
+from validate.tables import pooled
 from validate.track import Tracked
 from validate.triangulate import Triangulated
 
@@ -55,18 +56,26 @@ class Design:
         return [item for step in zip(*self.views, strict=True) for views in step for item in views]
 
 
+@dataclass(frozen=True)
+class SurrogatePrediction:
+    """PSS at a surrogate's points, 1/m, and σ∞, m, root mean square of those that are observable (nan: none)."""
+
+    pss: float
+    sigma_inf_rms_m: float
+
+
 @dataclass(frozen=True, eq=False)
 class HeldStep:
     """One configuration at a step, predicted and measured.
 
     Attributes:
         assessments: of the markers of each avatar, and of both, by `Stage.groups`.
-        surrogate_pss: by the same groups and by noise model, 1/m, Eq. 10 at the surrogates' points.
+        surrogate: by the same groups and by noise model, the prediction at the surrogates' points.
         measured: of all markers.
     """
 
     assessments: Mapping[str, Assessment]
-    surrogate_pss: Mapping[str, Mapping[str, float]]
+    surrogate: Mapping[str, Mapping[str, SurrogatePrediction]]
     measured: Measured
 
 
@@ -119,7 +128,7 @@ def _assess_step(design: Design, step: int, acquired: Acquired, calibration: Cal
         name: {c.name: _predicted(scene, cameras, c, look, markers) for c in contenders}
         for name, markers in groups.items()
     }
-    surrogates = _surrogate_pss(design, step, cameras, contenders, look)
+    surrogates = _of_surrogates(design, step, cameras, contenders, look)
     found = {}
     for number, views in enumerate(different):
         measurements = [acquired.measured[item] for item in views]
@@ -159,14 +168,14 @@ def _predicted(
     )
 
 
-def _surrogate_pss(
+def _of_surrogates(
     design: Design,
     step: int,
     cameras: Sequence[tuple[PTZCamera, ...]],
     contenders: Sequence[Contender],
     look: Appearance,
-) -> list[dict[str, dict[str, float]]]:
-    """PSS of each configuration at the surrogates' points, by avatar (and for both) and noise model.
+) -> list[dict[str, dict[str, SurrogatePrediction]]]:
+    """The prediction of each configuration at the surrogates' points, by avatar (and for both) and noise model.
 
     The surrogates stand where the people do. A surrogate has no markers: for a noise model that asks how a target
     looks, each of its points bears one like the median marker of the scene.
@@ -184,7 +193,7 @@ def _surrogate_pss(
     typical = _typical(look)
     groups = {name: np.array(owner) == name for name in design.stage.names}
     groups[BOTH] = np.ones(len(where), dtype=bool)
-    found: list[dict[str, dict[str, float]]] = [{name: {} for name in groups} for _ in cameras]
+    found: list[dict[str, dict[str, SurrogatePrediction]]] = [{name: {} for name in groups} for _ in cameras]
     for contender in contenders:
         evaluations = evaluate_many(
             cameras,
@@ -198,7 +207,10 @@ def _surrogate_pss(
         )
         for of_all, evaluation in zip(found, evaluations, strict=True):
             for name, members in groups.items():
-                of_all[name][contender.name] = mean_inverse_sigma(evaluation.sigma_m[members])
+                sigma = evaluation.sigma_m[members]
+                of_all[name][contender.name] = SurrogatePrediction(
+                    mean_inverse_sigma(sigma), pooled(sigma, members[members])
+                )
     return found
 
 
