@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from validate.hallway.own_cameras import OwnCameras
 from validate.hallway.results import Curves, ScheduleResult
 from validate.hallway.runs import limit_name
-from validate.intervals import interval
+from validate.intervals import LEVEL, interval
 
 __all__ = ["claim_rows"]
 
@@ -36,6 +36,8 @@ def claim_rows(result: ScheduleResult, own: OwnCameras | None) -> list[Row]:
     rows = [row for curves in result.curves.values() for row in _of_curves(result, curves)]
     if own is not None:
         rows += [_spike(result, own.curves(key), curves) for key, curves in result.curves.items()]
+        for key in result.curves:
+            rows += _hump(result, own.curves(key), 0, ", each avatar's own cameras alone")
     order = {claim: number for number, claim in enumerate(dict.fromkeys(str(row["claim"]) for row in rows))}
     return sorted(rows, key=lambda row: order[str(row["claim"])])
 
@@ -79,14 +81,15 @@ def _of_curves(result: ScheduleResult, curves: Curves) -> Iterator[Row]:
     yield from _hump(result, curves, free)
 
 
-def _hump(result: ScheduleResult, curves: Curves, run: int) -> Iterator[Row]:
+def _hump(result: ScheduleResult, curves: Curves, run: int, of: str = "") -> Iterator[Row]:
     """With strategy (1) PSS first rises, then falls."""
     values, samples = curves.values[run], curves.samples[:, run]
     best = int(values.argmax())
-    y = result.configurations[run * len(values) + best].value
+    y = result.configurations[best].value  # the same walk in every run
     for text, end in (("PSS first rises, strategy (1)", 0), ("PSS then falls, strategy (1)", -1)):
-        yield _row(text, curves, "PSS at its highest / at that end", values[best] / values[end],
-                   samples[:, best] / samples[:, end], f"highest at y = {_place(y)}")  # fmt: skip
+        with np.errstate(divide="ignore", invalid="ignore"):  # nobody is seen at that end: infinitely better
+            ratio, ratios = values[best] / values[end], samples[:, best] / samples[:, end]
+        yield _row(text + of, curves, "PSS at its highest / at that end", ratio, ratios, f"highest at y = {_place(y)}")
 
 
 def _spike(result: ScheduleResult, own: Curves, curves: Curves) -> Row:
@@ -121,7 +124,7 @@ def _head(claim: str, curves: Curves) -> Row:
 
 
 def _row(claim: str, curves: Curves, figure: str, ratio: float, samples: Floats, at: str) -> Row:
-    low, high = interval(samples)
+    low, high = np.quantile(samples, [(1 - LEVEL) / 2, (1 + LEVEL) / 2], method="inverted_cdf")  # some may be infinite
     return {
         **_head(claim, curves),
         "holds": "yes" if low > 1 else "no",
