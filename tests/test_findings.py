@@ -26,7 +26,12 @@ def test_the_page_is_made_from_the_tables():
     """`python -m validate.findings > docs/findings.md` changes nothing."""
     page = (ROOT / "docs" / "findings.md").read_text(encoding="utf-8")
     assert page == findings_page(REFERENCE)
-    for heading in ("In more and in less light", "One factor at a time", "If the calibration is wrong"):
+    for heading in (
+        "In more and in less light",
+        "One factor at a time",
+        "If the calibration is wrong",
+        "Two people pass each other",
+    ):
         assert f"## {heading}" in page
 
 

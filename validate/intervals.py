@@ -28,6 +28,7 @@ __all__ = [
     "oracle_regret",
     "pearson_log",
     "regret",
+    "sample_interval",
     "sweep_replicates",
     "weighted_spearman",
 ]
@@ -150,6 +151,13 @@ def interval(samples: ArrayLike, level: float = LEVEL) -> tuple[Floats, Floats]:
     if not 0 < level < 1:
         raise RangeError(f"level = {level!r}; allowed: between 0 and 1")
     low, high = np.quantile(np.asarray(samples, dtype=np.float64), [(1 - level) / 2, (1 + level) / 2], axis=0)
+    return low, high
+
+
+def sample_interval(samples: ArrayLike, level: float = LEVEL) -> tuple[Floats, Floats]:
+    """As `interval`, with ends that are samples themselves: for those of which some are infinite."""
+    ends = [(1 - level) / 2, (1 + level) / 2]
+    low, high = np.quantile(np.asarray(samples, dtype=np.float64), ends, axis=0, method="inverted_cdf")
     return low, high
 
 

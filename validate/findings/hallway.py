@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from validate.findings.tables import Row, Tables, all_of, number, one_of
+from validate.findings.tables import Row, Tables, all_of, number, one_of, with_range
 
 __all__ = ["hallway_findings"]
 
 MODELS = ("as-printed", "corrected", "physical", "physical, whole markers", "calibrated")
+# Yardsticks that sentences are made of; the table has them all.
+SAID = ("measured PSS, filter", "measured PSS, single frame", "share under 0.05 mm", "share under 5 mm", "median RMS")
 OF_THE_PAPER = ("as-printed", "corrected")
 KINDS = ("filter", "single frame")
 # Columns of the claims' table.
@@ -59,8 +61,12 @@ def _claims(rows: Sequence[Row]) -> str:
                 continue
             row = found[0]
             figure = row["figure"]
-            places.append(row["at"])
-            cells.append(f"{row['holds']}: {number(row, 'value')}" if row["value"] else row["holds"])
+            places.append(row["at"].removeprefix("highest at ").replace("-", "−"))
+            cells.append(
+                f"{row['holds']}: {with_range(row['value'], row['ci_low'], row['ci_high'])}"
+                if row["value"]
+                else row["holds"]
+            )
         where = ", ".join(dict.fromkeys(place for place in places if place))
         lines.append(_line([claim, kind, *cells, figure.partition(" (median")[0], where]))
     return "\n".join(lines)
@@ -85,7 +91,11 @@ def _strategies(tables: Tables) -> str:
             for row in (of_figure[name] for name in names)
         ]
         lines.append(_line([f"{figure}, {model}" if model else figure, *cells]))
-    ranking = all_of(tables["ranking"], avatar="both", zoom_limit="none", noise_model="calibrated")
+    ranking = [
+        row
+        for row in all_of(tables["ranking"], avatar="both", zoom_limit="none", noise_model="calibrated")
+        if row["yardstick"] in SAID
+    ]
     said = [
         f"- By {row['kind']} PSS (calibrated) against {row['yardstick']}: ρ = {number(row, 'spearman')} over "
         f"{row['strategies']} strategies; it chooses {row['chosen']}, the best is {row['best']}"

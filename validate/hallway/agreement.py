@@ -15,7 +15,7 @@ from render.view import random_stream
 from validate.hallway.results import KINDS, ScheduleResult
 from validate.hallway.runs import limit_name
 from validate.hallway.study import MODELS
-from validate.intervals import interval, weighted_spearman
+from validate.intervals import interval, sample_interval, weighted_spearman
 
 __all__ = ["ALL_RUNS", "agreement_rows", "circular_blocks"]
 
@@ -64,7 +64,7 @@ def _rows(result: ScheduleResult, members: list[int], resampled: Integers) -> It
             low, high = interval(samples[np.isfinite(samples)]) if np.isfinite(samples).any() else (np.nan, np.nan)
             ratios = _log_ratios(x, y)
             ratio = _log_ratios(predicted.ravel(), measured.ravel())
-            ratio_low, ratio_high = interval(np.nanmedian(np.abs(ratios), axis=1))
+            ratio_low, ratio_high = sample_interval(np.nanmedian(np.abs(ratios), axis=1))
             yield {
                 "kind": kind,
                 "noise_model": model,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from validate.hallway.own_cameras import OwnCameras
 from validate.hallway.results import Curves, ScheduleResult
 from validate.hallway.runs import limit_name
-from validate.intervals import LEVEL, interval
+from validate.intervals import interval, sample_interval
 
 __all__ = ["claim_rows"]
 
@@ -124,7 +124,7 @@ def _head(claim: str, curves: Curves) -> Row:
 
 
 def _row(claim: str, curves: Curves, figure: str, ratio: float, samples: Floats, at: str) -> Row:
-    low, high = np.quantile(samples, [(1 - LEVEL) / 2, (1 + LEVEL) / 2], method="inverted_cdf")  # some may be infinite
+    low, high = sample_interval(samples)
     return {
         **_head(claim, curves),
         "holds": "yes" if low > 1 else "no",

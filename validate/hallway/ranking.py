@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from validate.hallway.results import KINDS, ScheduleResult
 from validate.hallway.runs import limit_name
 from validate.hallway.study import MODELS
-from validate.intervals import LEVEL, interval, weighted_spearman
+from validate.intervals import interval, sample_interval, weighted_spearman
 from validate.tables import THRESHOLDS_MM
 
 __all__ = ["Yardstick", "ranking_rows", "strategy_rows", "yardsticks"]
@@ -85,8 +85,8 @@ def strategy_rows(result: ScheduleResult) -> list[Row]:
         for model, figure in figures:
             values, samples = (part[..., members] for part in figure.signed)
             ranks, sampled = _ranks(values), _ranks(samples)
-            low, high = _ends(figure.samples[:, members])
-            rank_low, rank_high = _ends(sampled)
+            low, high = sample_interval(figure.samples[:, members])
+            rank_low, rank_high = sample_interval(sampled)
             for place, member in enumerate(members):
                 rows.append(
                     {
@@ -153,11 +153,6 @@ def _agreement(result: ScheduleResult, members: list[int], predicted: Yardstick,
         "chosen_is_best_share": float((x_samples.argmax(axis=1) == y_samples.argmax(axis=1)).mean()),
         "regret": float(lost),
     }
-
-
-def _ends(samples: Floats) -> Floats:
-    """The ends of 95 % intervals, (2, ...), each one of the samples: no value lies between ∞ and others."""
-    return np.asarray(np.quantile(samples, [(1 - LEVEL) / 2, (1 + LEVEL) / 2], axis=0, method="inverted_cdf"))
 
 
 def _by_limit(result: ScheduleResult) -> dict[str, list[int]]:

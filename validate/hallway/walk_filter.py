@@ -16,6 +16,7 @@ import scipy.stats
 from numpy.typing import ArrayLike, NDArray
 
 from pss import PTZCamera, RangeError, ShapeError
+from pss.covariances import largest_standard_deviation
 from pss.process import ProcessModel, require_positive
 from pss.views import Cameras, Views
 from validate.triangulate import NEAREST_M, VIEWS_TO_TRIANGULATE, detection_weights, triangulate
@@ -47,6 +48,9 @@ class WalkFiltering:
         lost_after_frames: frames in a row that did not confirm a track, after which it counts as lost. A frame confirms
             it if more views pass the gate than are thrown out.
         start_speed_sigma_m_per_s: m/s along each axis, of the velocity at a start, which is 0.
+        lost_sigma_m: m, √λmax of the predicted position beyond which a track is lost, whatever a view says: along one
+            ray a filter that is linear about its own place soon believes what is not so. A tenth to a sixth of the
+            distance to the cameras, and more than a start's velocity adds in a frame.
         measurement_floor_px: px along each axis, added in squares to the covariance of each detection: what its image
             cannot tell, such as a bias.
 
@@ -57,6 +61,7 @@ class WalkFiltering:
     gate_probability: float = 0.999
     lost_after_frames: int = 5
     start_speed_sigma_m_per_s: float = 1.5
+    lost_sigma_m: float = 0.5
     measurement_floor_px: float = 0.0
 
     def __post_init__(self) -> None:
@@ -65,6 +70,7 @@ class WalkFiltering:
         if not self.lost_after_frames >= 1:
             raise RangeError(f"lost_after_frames = {self.lost_after_frames!r}; allowed: at least 1")
         require_positive("start_speed_sigma_m_per_s", self.start_speed_sigma_m_per_s, "m/s")
+        require_positive("lost_sigma_m", self.lost_sigma_m, "m")
         if not 0 <= self.measurement_floor_px < np.inf:
             raise RangeError(f"measurement_floor_px = {self.measurement_floor_px!r}; allowed: 0 or more pixels")
 
@@ -216,7 +222,9 @@ class _Run:
         detected, weight = detection_weights(cameras, pixels, noise)
         used, thrown_out = np.zeros((2, *detected.shape), dtype=bool)
 
-        rows = self.tracked & detected.any(axis=0)
+        spread = largest_standard_deviation(np.nan_to_num(self.covariance[..., POSITION, POSITION]))
+        hopeless = self.tracked & (spread > self.settings.lost_sigma_m)
+        rows = self.tracked & ~hopeless & detected.any(axis=0)
         state, covariance, arrays = self.state[rows], self.covariance[rows], Cameras(cameras)
         passed = self._gate(arrays, state, covariance, pixels[:, rows], noise[:, rows]) & detected[:, rows]
         # Where nothing passed, the weights are all zero, and the update changes nothing.
@@ -228,6 +236,7 @@ class _Run:
         confirmed = used.sum(axis=0) > thrown_out.sum(axis=0)
         self.found_again += confirmed & self.lost
         self.missed = np.where(confirmed, 0, self.missed + self.tracked)
+        self.missed = np.where(hopeless, np.maximum(self.missed, self.settings.lost_after_frames), self.missed)
         self.losses += self.missed == self.settings.lost_after_frames
         self.lost = self.missed >= self.settings.lost_after_frames
 
