@@ -23,6 +23,8 @@ from validate.store import Store
 CALIBRATION = Calibration("calibrated", {"brightness-contrast": 1.0}, {}, LIMITS)
 # NEES/3 of drawn detections, over a thousand cells of tens of markers; that of the predictions hangs on the gait.
 POSTERIOR_NEES = (0.8, 1.25)
+# Of the median over forty frames: who is counted as seen differs between the drawn detections and the fitted limits.
+FORESEEN = 0.25
 # Of a marker's density by this walk itself and by the gait of slower and faster ones.
 SAME_GAIT = 2.0
 
@@ -72,10 +74,16 @@ def test_the_posterior_is_as_good_as_it_says(tracked):
     (both,) = (row for row in rows if row["group"] == "both" and row["least_views"] == 2)
     assert POSTERIOR_NEES[0] < both["posterior_nees_per_dof"] < POSTERIOR_NEES[1]
     assert both["share_tracked"] > 0.05
-    # What the metric foresees of the common cells is what the filter comes to.
-    assert both["posterior_predicted_rms_m"] == pytest.approx(both["posterior_common_rms_m"], rel=0.5)
     parts = {row["group"] for row in rows}
     assert parts == {"H1", "H2", "both", "torso", "head", "arms", "legs"}
+
+
+def test_the_metrics_own_recursion_foresees_the_filters_error(tracked):
+    """In the median of frame and marker; means belong to what coasts, unseen."""
+    rows = [row for row in tracked.frame_rows() if row["avatar"] == "both"]
+    ratio = np.array([row["predicted_median_m"] / row["measured_median_m"] for row in rows])
+    assert np.nanmedian(ratio) == pytest.approx(1, rel=FORESEEN)
+    assert np.isfinite(ratio).mean() > 0.9
 
 
 def test_the_process_is_of_other_walks_and_fits_this_one(real):
