@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import re
 import tomllib
+from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,15 @@ from typing import Any
 from scenes.errors import Location, Problems, SceneError, dotted, item_label, nearest, shown
 from scenes.spec import Spec, allowed_keys, child_tables, narrowed
 
-__all__ = ["SWEEP_PREFIX", "apply_overrides", "read_toml", "set_value"]
+__all__ = [
+    "SWEEP_PREFIX",
+    "apply_overrides",
+    "check_once",
+    "named_file",
+    "own_overrides",
+    "read_toml",
+    "set_value",
+]
 
 # Overrides whose keys begin so go to the sweep file, all others to the scene file.
 SWEEP_PREFIX = "sweep."
@@ -39,6 +48,40 @@ def read_toml(path: Path) -> dict[str, Any]:
         lines = text.split("\n")
         line, column = found.groups() if found else (len(lines), len(lines[-1]) + 1)
         raise SceneError([f"{path}: line {line}, column {column}: {reason or error}"]) from None
+
+
+def named_file(path_or_name: str | Path, folder: Path, kind: str) -> Path:
+    """The path of a TOML file: the one that is given, or of a bare name among those in `folder`.
+
+    Args:
+        kind: what such a file is, for the message.
+
+    Raises:
+        SceneError: no file of that name; the message has the nearest and all others.
+    """
+    path = Path(path_or_name)
+    if path.suffix == ".toml" or len(path.parts) != 1:
+        return path
+    known = sorted(file.stem for file in folder.glob("*.toml"))
+    if path.name not in known:
+        hint, _ = nearest(path.name, known)
+        raise SceneError(
+            [f'there is no {kind} "{path}"{hint}; allowed: {", ".join(known)}, or the path of a .toml file']
+        )
+    return folder / f"{path.name}.toml"
+
+
+def own_overrides(overrides: Iterable[str]) -> list[str]:
+    """Of a command's overrides those that are for the sweep or schedule file, without their prefix."""
+    stripped = (override.strip() for override in overrides)
+    return [override.removeprefix(SWEEP_PREFIX) for override in stripped if override.startswith(SWEEP_PREFIX)]
+
+
+def check_once(location: Location, items: Iterable[object] | None, problems: Problems) -> None:
+    """Nothing in a list twice."""
+    for item, count in Counter(items or ()).items():
+        if count > 1:
+            problems.add(location, "nothing twice", value=item)
 
 
 def apply_overrides(model: type[Spec], overrides: Iterable[str], problems: Problems) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,8 +10,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from scenes.document import SWEEP_PREFIX, apply_overrides, read_toml
-from scenes.errors import Location, Problems, SceneError, nearest
+from scenes.document import apply_overrides, check_once, named_file, own_overrides, read_toml
+from scenes.errors import Problems
 from scenes.quantities import Metres
 from scenes.spec import Name, Number, Positive, Spec, validate
 
@@ -160,14 +159,12 @@ def load_schedule(path_or_name: str | Path, overrides: Iterable[str] = ()) -> Sc
     Raises:
         SceneError: with every problem of the file and the overrides, a line each.
     """
-    path = _schedule_path(path_or_name)
+    path = named_file(path_or_name, SCHEDULES, "schedule")
     problems = Problems(path, read_toml(path))
-    stripped = (override.strip() for override in overrides)
-    own = [override.removeprefix(SWEEP_PREFIX) for override in stripped if override.startswith(SWEEP_PREFIX)]
-    apply_overrides(ScheduleSpec, own, problems)
+    apply_overrides(ScheduleSpec, own_overrides(overrides), problems)
     spec, draft = validate(ScheduleSpec, problems.document, problems)
-    _check_once(("strategies",), draft.strategies, problems)
-    _check_once(("zoom_limits",), draft.zoom_limits, problems)
+    check_once(("strategies",), draft.strategies, problems)
+    check_once(("zoom_limits",), draft.zoom_limits, problems)
     problems.raise_if_any()
     assert spec is not None  # no problem, so pydantic had none
     return ScheduleFile(path.stem, path, Path(os.path.normpath(path.parent / spec.scene)), spec)
@@ -176,22 +173,3 @@ def load_schedule(path_or_name: str | Path, overrides: Iterable[str] = ()) -> Sc
 def known_schedules() -> list[str]:
     """Names of the schedules that come with the project."""
     return sorted(file.stem for file in SCHEDULES.glob("*.toml"))
-
-
-def _schedule_path(path_or_name: str | Path) -> Path:
-    path = Path(path_or_name)
-    if path.suffix == ".toml" or len(path.parts) != 1:
-        return path
-    known = known_schedules()
-    if path.name not in known:
-        hint, _ = nearest(path.name, known)
-        raise SceneError(
-            [f'there is no schedule "{path}"{hint}; allowed: {", ".join(known)}, or the path of a .toml file']
-        )
-    return SCHEDULES / f"{path.name}.toml"
-
-
-def _check_once(location: Location, items: Iterable[object] | None, problems: Problems) -> None:
-    for item, count in Counter(items or ()).items():
-        if count > 1:
-            problems.add(location, "nothing twice", value=item)

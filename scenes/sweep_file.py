@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field
 
-from scenes.document import SWEEP_PREFIX, apply_overrides, read_toml
-from scenes.errors import Location, Problems, SceneError, nearest
+from scenes.document import apply_overrides, check_once, named_file, own_overrides, read_toml
+from scenes.errors import Location, Problems, nearest
 from scenes.scene_steps import SceneStepsSpec, check_steps
 from scenes.spec import Number, Spec, one_of, validate
 from scenes.vary import (
@@ -108,11 +107,9 @@ def load_sweep(path_or_name: str | Path, overrides: Iterable[str] = ()) -> Sweep
     Raises:
         SceneError: with every problem of the file and the overrides, a line each.
     """
-    path = _sweep_path(path_or_name)
+    path = named_file(path_or_name, SWEEPS, "sweep")
     problems = Problems(path, read_toml(path))
-    stripped = (override.strip() for override in overrides)
-    own = [override.removeprefix(SWEEP_PREFIX) for override in stripped if override.startswith(SWEEP_PREFIX)]
-    apply_overrides(SweepSpec, own, problems)
+    apply_overrides(SweepSpec, own_overrides(overrides), problems)
     spec, draft = validate(SweepSpec, problems.document, problems)
     _check_sweep(draft, problems)
     problems.raise_if_any()
@@ -136,52 +133,33 @@ def known_sweeps() -> list[str]:
     return sorted(file.stem for file in SWEEPS.glob("*.toml"))
 
 
-def _sweep_path(path_or_name: str | Path) -> Path:
-    path = Path(path_or_name)
-    if path.suffix == ".toml" or len(path.parts) != 1:
-        return path
-    known = known_sweeps()
-    if path.name not in known:
-        hint, _ = nearest(path.name, known)
-        raise SceneError(
-            [f'there is no sweep "{path}"{hint}; allowed: {", ".join(known)}, or the path of a .toml file']
-        )
-    return SWEEPS / f"{path.name}.toml"
-
-
 # ---- rules that need several keys at once --------------------------------------------------------------------------
 
 
 def _check_sweep(draft: SweepSpec, problems: Problems) -> None:
     """What can be judged without the scene."""
-    _check_once(("active",), draft.active, problems)
+    check_once(("active",), draft.active, problems)
     match draft.vary:
         case SettingSpec(cameras=cameras, values=values):
-            _check_once(("vary", "cameras"), cameras, problems)
+            check_once(("vary", "cameras"), cameras, problems)
             if isinstance(values, LineSpec) and values.start == values.stop:
                 problems.add(("vary", "values"), "start and stop that differ")
             elif isinstance(values, tuple):
-                _check_once(("vary", "values"), [short(value) for value in values], problems)
+                check_once(("vary", "values"), [short(value) for value in values], problems)
             for name in cameras or () if draft.active is not None else ():
                 if name not in draft.active:
                     problems.add(("vary", "cameras"), f"active cameras: {', '.join(draft.active)}", value=name)
         case SelectionSpec(always=always, values=values):
-            _check_once(("vary", "with"), always, problems)
+            check_once(("vary", "with"), always, problems)
             chosen = [chosen_names(always or (), value) for value in values or ()]
             for names in chosen:
-                _check_once(("vary", "values"), names, problems)
-            _check_once(("vary", "values"), ["+".join(sorted(names)) for names in chosen], problems)
+                check_once(("vary", "values"), names, problems)
+            check_once(("vary", "values"), ["+".join(sorted(names)) for names in chosen], problems)
             if problems.given(("active",)):
                 problems.add(("active",), "no active where the parameter is selection, as its values say who is")
         case SceneStepsSpec() as steps:
             check_steps(steps, problems)
-            _check_once(("vary", "values"), [short(value) for value in steps.values or ()], problems)
-
-
-def _check_once(location: Location, items: Iterable[str] | None, problems: Problems) -> None:
-    for item, count in Counter(items or ()).items():
-        if count > 1:
-            problems.add(location, "nothing twice", value=item)
+            check_once(("vary", "values"), [short(value) for value in steps.values or ()], problems)
 
 
 def _check_names_known(spec: SweepSpec, scene: Scene, problems: Problems) -> None:

@@ -49,6 +49,16 @@ class FittedLimits:
             "largest_blur_modules": self.largest_blur_modules,
         }
 
+    @property
+    def provenance(self) -> dict[str, int | float]:
+        """What a calibration's file says of how they were found."""
+        return {
+            "markers_within_limits": self.pairs[0],
+            "found_within_limits": self.found_within,
+            "markers_beyond_limits": self.pairs[1],
+            "found_beyond_limits": self.found_beyond,
+        }
+
 
 def fit_limits(
     views: Views, occluders: tuple[Shape, ...], detection_rate: Floats, sensor: ImageSensor | None = None

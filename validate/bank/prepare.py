@@ -39,10 +39,7 @@ def calibrate(training: ViewBank, acquired: Acquired, design: BankDesign, out: P
         "moments": fitted.moments,
         "left_out_as_blunders": fitted.left_out,
         "deviance_per_moment": fitted.deviance / fitted.moments,
-        "markers_within_limits": limits.pairs[0],
-        "found_within_limits": limits.found_within,
-        "markers_beyond_limits": limits.pairs[1],
-        "found_beyond_limits": limits.found_beyond,
+        **limits.provenance,
         "fitted_by": "python validate/run_sweep.py bank",
     }
     calibration = Calibration("calibrated", fitted.weights, provenance, limits.limits)

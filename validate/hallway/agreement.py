@@ -6,6 +6,7 @@ all runs (Künsch 1989, circular as by Politis & Romano 1992).
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 
 import numpy as np
@@ -64,7 +65,7 @@ def _rows(result: ScheduleResult, members: list[int], resampled: Integers) -> It
             low, high = interval(samples[np.isfinite(samples)]) if np.isfinite(samples).any() else (np.nan, np.nan)
             ratios = _log_ratios(x, y)
             ratio = _log_ratios(predicted.ravel(), measured.ravel())
-            ratio_low, ratio_high = sample_interval(np.nanmedian(np.abs(ratios), axis=1))
+            ratio_low, ratio_high = sample_interval(_medians(np.abs(ratios)))
             yield {
                 "kind": kind,
                 "noise_model": model,
@@ -72,10 +73,10 @@ def _rows(result: ScheduleResult, members: list[int], resampled: Integers) -> It
                 "spearman": rho,
                 "spearman_ci_low": float(low),
                 "spearman_ci_high": float(high),
-                "median_abs_log_ratio": float(np.nanmedian(np.abs(ratio))),
+                "median_abs_log_ratio": float(_medians(np.abs(ratio))),
                 "median_abs_log_ratio_ci_low": float(ratio_low),
                 "median_abs_log_ratio_ci_high": float(ratio_high),
-                "median_log_ratio": float(np.nanmedian(ratio)),
+                "median_log_ratio": float(_medians(ratio)),
             }
 
 
@@ -83,3 +84,10 @@ def _log_ratios(predicted: Floats, measured: Floats) -> Floats:
     """ln(predicted/measured): infinite where one of them is zero, nan where both are, which agree without a ratio."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.log(predicted) - np.log(measured))
+
+
+def _medians(values: Floats) -> Floats:
+    """Along the last axis, of those that are not nan; nan where all are."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        return np.asarray(np.nanmedian(values, axis=-1))

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pss import evaluate
 from pss.noise import Calibration
 from render.view import random_stream, state_key
 from validate.acquire import Acquired
@@ -15,7 +14,7 @@ from validate.assess import measure_configuration
 from validate.bank.study import scene_contenders
 from validate.errors3d import MeasuredErrors, measured_inverse_sigma
 from validate.hallway.results import KINDS, Curves, ScheduleResult
-from validate.hallway.study import MODELS, Held, look_of
+from validate.hallway.study import MODELS, Held, predicted_at
 from validate.intervals import sweep_replicates
 
 __all__ = ["OwnCameras", "own_cameras"]
@@ -64,16 +63,7 @@ def own_cameras(
                 continue
             cameras = [steered.cameras[step][c] for c in mine]
             for contender in contenders:
-                said = evaluate(
-                    cameras,
-                    state.points_m[markers],
-                    state.normals[markers],
-                    noise=contender.noise,
-                    process=scene.process,
-                    occluder=state.occluders,
-                    appearance=look_of(look, markers),
-                    visibility=contender.visibility,
-                )
+                (said,) = predicted_at(scene, [tuple(cameras)], contender, look, markers)
                 inverse[contender.name, "filter"][step, markers] = np.nan_to_num(1 / said.sigma_m)
                 inverse[contender.name, "single frame"][step, markers] = np.nan_to_num(1 / said.single_frame_sigma_m)
             wanted = [design.views[run][step][c] for c in mine]

@@ -31,7 +31,7 @@ from validate.tables import pooled
 from validate.track import Tracked
 from validate.triangulate import Triangulated
 
-__all__ = ["MODELS", "Design", "Held", "HeldStep", "assess_held", "design_of", "look_of"]
+__all__ = ["MODELS", "Design", "Held", "HeldStep", "assess_held", "design_of", "predicted_at"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -125,7 +125,7 @@ def _assess_step(design: Design, step: int, acquired: Acquired, calibration: Cal
     cameras = [tuple(item.request.camera for item in views) for views in different]
     contenders = [c for c in scene_contenders(scene, calibration) if c.name in MODELS]
     predicted = {
-        name: {c.name: _predicted(scene, cameras, c, look, markers) for c in contenders}
+        name: {c.name: predicted_at(scene, cameras, c, look, markers) for c in contenders}
         for name, markers in groups.items()
     }
     surrogates = _of_surrogates(design, step, cameras, contenders, look)
@@ -149,7 +149,7 @@ def _assess_step(design: Design, step: int, acquired: Acquired, calibration: Cal
     return [found[views] for views in wanted]
 
 
-def _predicted(
+def predicted_at(
     scene: Scene, cameras: Sequence[tuple[PTZCamera, ...]], contender: Contender, look: Appearance, markers: Bools
 ) -> list[Evaluation]:
     """Each configuration at some of the scene's markers, (N,)."""
@@ -162,7 +162,7 @@ def _predicted(
             noise=contender.noise,
             process=scene.process,
             occluder=state.occluders,
-            appearance=look_of(look, markers),
+            appearance=_look_of(look, markers),
             visibility=contender.visibility,
         )
     )
@@ -220,7 +220,7 @@ def _typical(look: Appearance) -> Appearance:
     return Appearance(*(float(np.median(values)) for values in of_all), None, look.modules, look.ring_light)
 
 
-def look_of(look: Appearance, markers: Bools) -> Appearance:
+def _look_of(look: Appearance, markers: Bools) -> Appearance:
     """How some of the markers look, (N,)."""
     values = {field.name: getattr(look, field.name) for field in dataclasses.fields(look)}
     of_each = {name: value[markers] for name, value in values.items() if np.shape(value)[:1] == markers.shape}

@@ -114,10 +114,7 @@ def calibrate_hallway(training: list[Training], acquired: Acquired) -> Calibrati
         "moments": fitted.moments,
         "left_out_as_blunders": fitted.left_out,
         "deviance_per_moment": fitted.deviance / fitted.moments,
-        "markers_within_limits": limits.pairs[0],
-        "found_within_limits": limits.found_within,
-        "markers_beyond_limits": limits.pairs[1],
-        "found_beyond_limits": limits.found_beyond,
+        **limits.provenance,
         "fitted_by": "python validate/run_sweep.py schedule",
     }
     return Calibration("calibrated", fitted.weights, provenance, limits.limits)
