@@ -7,6 +7,7 @@ measurement must agree; other detections must not.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
 import numpy as np
 import pytest
@@ -203,8 +204,16 @@ def test_own_cameras_see_less_than_all(both, held, acquired, calibration):
     for key, curves in both.curves.items():
         if key[0]:
             assert (own.curves(key).values[0] <= curves.values[0] * (1 + 1e-9)).all()
-            # Far apart, with narrow views, nobody sees the other's avatar.
             assert own.curves(key).values.shape == (1, steps)
+    # Far apart, with narrow views, a camera sees its own avatar alone; where they cross, both.
+    share = (
+        own.curves((PHYSICAL_WHOLE, "single frame")).values[0] / both.curves[PHYSICAL_WHOLE, "single frame"].values[0]
+    )
+    assert share[[0, -1]].min() > 0.9
+    assert share[steps // 2] < 0.7
+    measured = own.curves(("", "single frame")).values[0] / both.curves["", "single frame"].values[0]
+    assert measured[[0, -1]].min() > 0.9
+    assert measured[steps // 2] < 0.7
 
 
 def test_ranking_by_prediction_and_by_yardsticks(both):
@@ -213,6 +222,9 @@ def test_ranking_by_prediction_and_by_yardsticks(both):
     assert sorted(r["rank"] for r in of_prediction if r["zoom_limit"] == "none") == [1, 2, 3]
     for row in rows:
         assert row["rank_ci_low"] <= row["rank"] <= row["rank_ci_high"]
+    of_prediction.sort(key=lambda row: (row["zoom_limit"], row["rank"]))
+    for better, worse in itertools.pairwise(of_prediction):
+        assert better["zoom_limit"] != worse["zoom_limit"] or better["value"] >= worse["value"]
     for row in ranking_rows(both):
         assert not row["regret"] < 0  # nan where the median marker is found by nobody
         assert row["chosen"] in ("follow", "swap-to-farther", "swap-to-closer")
