@@ -20,6 +20,8 @@ from validate.hallway.real_walk_files import torso_trajectories, write_real_walk
 from validate.hallway.stage import stage_of, stance_in
 from validate.store import Store
 
+# Of a walk of 4 s.
+FRAMES = 25
 CALIBRATION = Calibration("calibrated", {"brightness-contrast": 1.0}, {}, LIMITS)
 # NEES/3 of drawn detections, over a thousand cells of tens of markers; that of the predictions hangs on the gait.
 POSTERIOR_NEES = (0.8, 1.25)
@@ -31,7 +33,9 @@ SAME_GAIT = 2.0
 
 @pytest.fixture(scope="module")
 def schedule():
-    return load_schedule("hallway", ["sweep.real_walk.frames_per_s=6", "sweep.real_walk.trials=3"])
+    return load_schedule(
+        "hallway", ["sweep.real_walk.frames_per_s=6", "sweep.real_walk.trials=3", "sweep.walk.reach_m=2.4"]
+    )
 
 
 @pytest.fixture(scope="module")
@@ -59,11 +63,11 @@ def _few(measurement, trials):
 
 
 def test_frames_are_of_people_who_walk(real, schedule):
-    assert len(real.scenes) == len(real.steered.cameras) == 41
+    assert len(real.scenes) == len(real.steered.cameras) == FRAMES
     assert np.diff(real.walk.times_s) == pytest.approx(1 / 6)
     for item in real.scenes[7].state.objects:
         assert np.linalg.norm(item.motion.velocity_m_per_s) == pytest.approx(1.2)
-    assert len({state_key(scene.state) for scene in real.scenes}) == 41
+    assert len({state_key(scene.state) for scene in real.scenes}) == FRAMES
     # A marker on the trunk keeps up with its person.
     head = np.flatnonzero(body_parts(real.stage)["head"] & real.stage.groups["H1"])
     assert np.diff(real.truth_m[:, head, 1], axis=0).mean() == pytest.approx(1.2 / 6, rel=0.05)
@@ -99,11 +103,11 @@ def test_the_process_is_of_other_walks_and_fits_this_one(real):
 
 def test_frames_rows_count_what_is_tracked(tracked):
     rows = tracked.frame_rows()
-    assert len(rows) == 3 * 41
+    assert len(rows) == 3 * FRAMES
     for row in rows:
         assert 0 <= row["found_by_two"] <= row["markers"]
         assert row["tracked"] <= row["markers"]
-    middle = next(row for row in rows if row["step"] == 20 and row["avatar"] == "both")
+    middle = next(row for row in rows if row["step"] == FRAMES // 2 and row["avatar"] == "both")
     assert middle["found_by_two"] > 5
     assert middle["measured_median_m"] < 0.02
 
@@ -138,6 +142,6 @@ def test_what_a_real_walk_leaves(tracked, tmp_path, monkeypatch):
 
 
 def test_a_rate_that_does_not_fit_is_refused(schedule, stage):
-    wrong = load_schedule("hallway", ["sweep.real_walk.frames_per_s=7"])
-    with pytest.raises(RangeError, match=r"46\.66\d* frames of a walk .* whole number of frames"):
+    wrong = load_schedule("hallway", ["sweep.real_walk.frames_per_s=6.1"])
+    with pytest.raises(RangeError, match=r"24\.4 frames of a walk .* whole number of frames"):
         real_walk_of(wrong, stage, {}, "no renderer")
