@@ -279,7 +279,10 @@ def test_each_picture_has_the_way_up_to_its_own_step(tmp_path, monkeypatch):
 @pytest.mark.parametrize("ending", list(FILM_ENDINGS))
 def test_the_marks_of_what_was_found_keep_their_colour(tmp_path, ending):
     """They are few pixels among many greys, which a palette may leave without a colour of their own."""
-    views = tuple(np.random.default_rng(k).uniform(0, 1, (HEIGHT, WIDTH)) for k in range(4))
+    # Shaded and a little noisy, as walls are: on plain noise or plain shades any palette would do.
+    shade = np.linspace(0.2, 0.7, WIDTH)
+    noise = (np.random.default_rng(k).standard_normal((HEIGHT, WIDTH)) for k in range(4))
+    views = tuple(np.clip(shade + 0.05 * each, 0, 1) for each in noise)
     found = (np.random.default_rng(4).uniform(50, 400, (12, 2)),) * 4
     write_film(tmp_path / f"film{ending}", [a_frame(images=views, detections_px=found)], ROOM, "follow")
     picture = read_back(tmp_path / f"film{ending}")[0][0].astype(int)[:, :860]
