@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -35,6 +35,7 @@ class TracedMeshes:
 
     mesh: Mesh
     mi: Any
+    _scene: Any = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         mi, mesh = self.mi, self.mesh
@@ -59,7 +60,7 @@ class TracedMeshes:
             return np.zeros(starts.shape[:-1], dtype=bool)
         with ONE_AT_A_TIME:
             ray = mi.Ray3f(mi.Point3f(*begin), mi.Vector3f(*towards), maxt=1.0, time=0.0, wavelengths=[])
-            crossed = self._scene.ray_test(ray).numpy()  # type: ignore[attr-defined]
+            crossed = self._scene.ray_test(ray).numpy()
         return np.asarray(crossed, dtype=bool).reshape(starts.shape[:-1])
 
 

@@ -8,20 +8,22 @@ import tomllib
 from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from scenes.errors import Location, Problems, SceneError, dotted, item_label, nearest, shown
-from scenes.spec import Spec, allowed_keys, child_tables, narrowed
+from scenes.spec import Spec, allowed_keys, child_tables, narrowed, validate
 
 __all__ = [
     "SWEEP_PREFIX",
     "apply_overrides",
     "check_once",
     "named_file",
-    "own_overrides",
+    "read_spec",
     "read_toml",
     "set_value",
 ]
+
+S = TypeVar("S", bound=Spec)
 
 # Overrides whose keys begin so go to the sweep file, all others to the scene file.
 SWEEP_PREFIX = "sweep."
@@ -71,10 +73,17 @@ def named_file(path_or_name: str | Path, folder: Path, kind: str) -> Path:
     return folder / f"{path.name}.toml"
 
 
-def own_overrides(overrides: Iterable[str]) -> list[str]:
-    """Of a command's overrides those that are for the sweep or schedule file, without their prefix."""
+def read_spec(model: type[S], path: Path, overrides: Iterable[str]) -> tuple[S | None, S, Problems]:
+    """The sweep or schedule file at `path`, after those of `overrides` that are for it.
+
+    Returns:
+        The strict reading (None if there are problems), the draft, and the problems so far.
+    """
+    problems = Problems(path, read_toml(path))
     stripped = (override.strip() for override in overrides)
-    return [override.removeprefix(SWEEP_PREFIX) for override in stripped if override.startswith(SWEEP_PREFIX)]
+    own = [override.removeprefix(SWEEP_PREFIX) for override in stripped if override.startswith(SWEEP_PREFIX)]
+    apply_overrides(model, own, problems)
+    return *validate(model, problems.document, problems), problems
 
 
 def check_once(location: Location, items: Iterable[object] | None, problems: Problems) -> None:

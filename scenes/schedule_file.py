@@ -10,10 +10,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from scenes.document import apply_overrides, check_once, named_file, own_overrides, read_toml
-from scenes.errors import Problems
+from scenes.document import check_once, named_file, read_spec
 from scenes.quantities import Metres
-from scenes.spec import Name, Number, Positive, Spec, validate
+from scenes.spec import Name, Number, Positive, Spec
 
 __all__ = [
     "SURROGATES",
@@ -25,7 +24,6 @@ __all__ = [
     "TargetSpec",
     "TrackingSpec",
     "WalkSpec",
-    "known_schedules",
     "load_schedule",
 ]
 
@@ -160,16 +158,9 @@ def load_schedule(path_or_name: str | Path, overrides: Iterable[str] = ()) -> Sc
         SceneError: with every problem of the file and the overrides, a line each.
     """
     path = named_file(path_or_name, SCHEDULES, "schedule")
-    problems = Problems(path, read_toml(path))
-    apply_overrides(ScheduleSpec, own_overrides(overrides), problems)
-    spec, draft = validate(ScheduleSpec, problems.document, problems)
+    spec, draft, problems = read_spec(ScheduleSpec, path, overrides)
     check_once(("strategies",), draft.strategies, problems)
     check_once(("zoom_limits",), draft.zoom_limits, problems)
     problems.raise_if_any()
     assert spec is not None  # no problem, so pydantic had none
     return ScheduleFile(path.stem, path, Path(os.path.normpath(path.parent / spec.scene)), spec)
-
-
-def known_schedules() -> list[str]:
-    """Names of the schedules that come with the project."""
-    return sorted(file.stem for file in SCHEDULES.glob("*.toml"))

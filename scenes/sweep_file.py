@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field
 
-from scenes.document import apply_overrides, check_once, named_file, own_overrides, read_toml
+from scenes.document import check_once, named_file, read_spec
 from scenes.errors import Location, Problems, nearest
 from scenes.scene_steps import SceneStepsSpec, check_steps
-from scenes.spec import Number, Spec, one_of, validate
+from scenes.spec import Number, Spec, one_of
 from scenes.vary import (
     Configuration,
     LineSpec,
@@ -108,9 +108,7 @@ def load_sweep(path_or_name: str | Path, overrides: Iterable[str] = ()) -> Sweep
         SceneError: with every problem of the file and the overrides, a line each.
     """
     path = named_file(path_or_name, SWEEPS, "sweep")
-    problems = Problems(path, read_toml(path))
-    apply_overrides(SweepSpec, own_overrides(overrides), problems)
-    spec, draft = validate(SweepSpec, problems.document, problems)
+    spec, draft, problems = read_spec(SweepSpec, path, overrides)
     _check_sweep(draft, problems)
     problems.raise_if_any()
     assert spec is not None  # no problem, so pydantic had none

@@ -14,18 +14,20 @@ from pathlib import Path
 
 import numpy as np
 
-from pss import Appearance
+from pss import Appearance, PTZCamera
 from render import backend, glow
 from render.exr import ImageFileError, read_certificate, write_view
 from render.light import solve_light
+from render.sampling import Sampling
 from render.state import SceneState
 from render.view import Certificate, Renderer, ViewRequest, state_key
+from scenes import Scene
 from validate.interruption import raise_if_interrupted
 from validate.measure import MeasureTask, ViewMeasurement, WorkerPool, load_measurement, measure
 from validate.progress import ViewProgress
 from validate.store import Store, StoreError, atomic_path
 
-__all__ = ["Acquired", "Acquisition", "acquire"]
+__all__ = ["Acquired", "Acquisition", "acquire", "views_of"]
 
 # Rendered views that wait to be measured; more would only fill memory.
 MOST_WAITING = 4
@@ -47,6 +49,22 @@ class Acquisition:
         return MeasureTask(
             store.folder, self.request.key, state.print.dictionary, ids, self.seed, self.trials, self.search
         )
+
+
+def views_of(
+    scene: Scene,
+    cameras: Iterable[PTZCamera],
+    sampling: Sampling,
+    renderer: str,
+    seed: int,
+    trials: int,
+    search: str = "plain",
+) -> tuple[Acquisition, ...]:
+    """A view of a scene for each of `cameras`, as `Acquisition` has them."""
+    return tuple(
+        Acquisition(ViewRequest(scene.state, camera, scene.sensor, sampling, renderer), seed, trials, search)
+        for camera in cameras
+    )
 
 
 @dataclass

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from pss import RangeError
 from render.sampling import Sampling
-from render.view import ViewRequest, random_stream, state_key
+from render.view import random_stream, state_key
 from scenes import Configuration, Scene, SweepFile
-from validate.acquire import Acquired, Acquisition
+from validate.acquire import Acquired, Acquisition, views_of
 from validate.assess import Assessment, assess
 from validate.intervals import SweepReplicates, sweep_replicates
 from validate.measure import ViewMeasurement
@@ -84,16 +84,8 @@ def plan(sweep: SweepFile, scene: Scene, renderer: str, sampling: Sampling) -> P
         raise RangeError(f'{scene.path}: sensor.exposure_ms = "auto"; allowed: a scene after Scene.with_exposure')
     configurations = tuple(sweep.configurations(scene))
     views = tuple(
-        tuple(
-            Acquisition(
-                ViewRequest(configuration.scene.state, camera, configuration.scene.sensor, sampling, renderer),
-                sweep.seed,
-                sweep.trials,
-                sweep.search,
-            )
-            for camera in configuration.cameras
-        )
-        for configuration in configurations
+        views_of(each.scene, each.cameras, sampling, renderer, sweep.seed, sweep.trials, sweep.search)
+        for each in configurations
     )
     return Plan(sweep, scene, configurations, views)
 

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from pss import PTZCamera
 from render.sampling import Sampling
-from render.view import ViewRequest, random_stream
+from render.view import random_stream
 from scenes import Scene
-from validate.acquire import Acquired, Acquisition
+from validate.acquire import Acquired, Acquisition, views_of
 from validate.bank.phase import joined, turned
 from validate.measure import ViewMeasurement
 
@@ -137,12 +137,8 @@ def _bank(scene: Scene, cameras: Sequence[PTZCamera], design: BankDesign, render
         rng = random_stream(design.seed, f"{scene.path.name}/{camera.name}", role)
         for _ in range(design.settings):
             setting = _setting(camera, middle, design, rng)
-            renders = tuple(
-                Acquisition(
-                    ViewRequest(scene.state, part, scene.sensor, sampling, renderer), design.seed, design.trials
-                )
-                for part in turned(setting, design.turns, rng)
-            )
+            parts = turned(setting, design.turns, rng)
+            renders = views_of(scene, parts, sampling, renderer, design.seed, design.trials)
             views.append(BankView(setting, renders))
     return ViewBank(scene, tuple(views))
 

@@ -38,7 +38,6 @@ def circular_blocks(steps: int, resamples: int, rng: np.random.Generator) -> Int
 
 def agreement_rows(result: ScheduleResult) -> list[Row]:
     """A row for each run, and for all runs of a zoom limit, noise model and kind."""
-    assert result.held is not None
     runs, said = result.held.design.runs, result.held.design.schedule.said
     limits = list(dict.fromkeys(run.zoom_limit for run in runs))
     rng = random_stream(said.seed, result.avatar, "blocks of steps")

@@ -43,7 +43,6 @@ def claim_rows(result: ScheduleResult, own: OwnCameras | None) -> list[Row]:
 
 
 def _of_curves(result: ScheduleResult, curves: Curves) -> Iterator[Row]:
-    assert result.held is not None
     runs = {(run.strategy, run.zoom_limit): number for number, run in enumerate(result.held.design.runs)}
     limits = list(dict.fromkeys(limit for _, limit in runs))
     for limit in limits:
@@ -94,7 +93,6 @@ def _hump(result: ScheduleResult, curves: Curves, run: int, of: str = "") -> Ite
 
 def _spike(result: ScheduleResult, own: Curves, curves: Curves) -> Row:
     """Where the other avatar's cameras see an avatar, too, PSS has a spike."""
-    assert result.held is not None
     runs = [(run.strategy, run.zoom_limit) for run in result.held.design.runs]
     run = runs.index((FOLLOW, None))
     share = 1 - own.values[0] / curves.values[run]

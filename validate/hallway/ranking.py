@@ -75,7 +75,6 @@ def strategy_rows(result: ScheduleResult) -> list[Row]:
 
     Ranks are among the strategies of the same zoom limit, 1 being the best.
     """
-    assert result.held is not None
     figures = [
         (model, _mean_over_steps(f"predicted PSS, {kind}", result, model, kind)) for model in MODELS for kind in KINDS
     ]
@@ -129,7 +128,6 @@ def ranking_rows(result: ScheduleResult) -> list[Row]:
 
 
 def _agreement(result: ScheduleResult, members: list[int], predicted: Yardstick, yardstick: Yardstick) -> Row:
-    assert result.held is not None
     names = [result.held.design.runs[member].strategy for member in members]
     (x, x_samples), (y, y_samples) = (
         (values[members], samples[:, members]) for values, samples in (predicted.signed, yardstick.signed)
@@ -156,7 +154,6 @@ def _agreement(result: ScheduleResult, members: list[int], predicted: Yardstick,
 
 
 def _by_limit(result: ScheduleResult) -> dict[str, list[int]]:
-    assert result.held is not None
     found: dict[str, list[int]] = {}
     for number, run in enumerate(result.held.design.runs):
         found.setdefault(limit_name(run.zoom_limit), []).append(number)

@@ -18,15 +18,14 @@ from pss import ConstantVelocity, evaluate
 from pss.errors import RangeError
 from pss.noise import Calibration
 from pss.own_process import LinearProcess
-from render.sampling import Sampling
-from render.view import ViewRequest, state_key
+from render.view import state_key
 from scenes import Scene
 from scenes.schedule_file import ScheduleFile
 from scenes.suit import ids_on
 from validate.acquire import Acquired, Acquisition
 from validate.bank.study import FULL_MODEL, scene_contenders
 from validate.hallway.motion_misfit import misfit_rows, motion_misfit
-from validate.hallway.runs import plan_of, strategies_of, tracking_of
+from validate.hallway.runs import plan_of, step_views, tracking_of
 from validate.hallway.stage import BOTH, Stage
 from validate.hallway.steering import Steered, steer
 from validate.hallway.strategies import Strategy, strategy_named
@@ -172,8 +171,7 @@ def real_walk_of(schedule: ScheduleFile, stage: Stage, own: Mapping[str, Strateg
     said = schedule.said.real_walk
     if said is None:
         return None
-    known = {**strategies_of(schedule, own)}
-    strategy = known[said.strategy] if said.strategy in known else strategy_named(said.strategy)
+    strategy = own.get(said.strategy) or strategy_named(said.strategy)
     seconds = float(stage.walk.times_s[-1] - stage.walk.times_s[0])
     frames = seconds * said.frames_per_s
     if abs(frames - round(frames)) > WHOLE_FRAMES * frames:
@@ -186,17 +184,8 @@ def real_walk_of(schedule: ScheduleFile, stage: Stage, own: Mapping[str, Strateg
     plan = plan_of(schedule, stage, None)
     steered = steer(walk, stage.scene.cameras, strategy, plan, tracking_of(schedule.said.tracking, schedule.said.seed))
     scenes = tuple(stage.at(time_s, moving=True) for time_s in walk.times_s.tolist())
-    sampling = Sampling(noise_ratio=schedule.said.render_noise_ratio)
     views = tuple(
-        tuple(
-            Acquisition(
-                ViewRequest(scene.state, camera, scene.sensor, sampling, renderer),
-                schedule.said.seed,
-                said.trials,
-                schedule.said.search,
-            )
-            for camera in cameras
-        )
+        step_views(schedule, scene, cameras, renderer, said.trials)
         for scene, cameras in zip(scenes, steered.cameras, strict=True)
     )
     truth = np.array([scene.state.points_m for scene in scenes])

@@ -51,8 +51,8 @@ class Curves:
 class ScheduleResult(SweepResult):
     """A sweep's result of the markers of one avatar, or of both: `avatar`."""
 
-    avatar: str = ""
-    held: Held | None = None
+    avatar: str
+    held: Held
 
     @property
     def noise_models(self) -> tuple[str, ...]:
@@ -62,7 +62,6 @@ class ScheduleResult(SweepResult):
     @property
     def shape(self) -> tuple[int, int]:
         """R runs and K steps."""
-        assert self.held is not None
         return len(self.held.steps), len(self.held.steps[0])
 
     @cached_property

@@ -17,7 +17,6 @@ Row = dict[str, object]
 
 def held_configuration_rows(result: ScheduleResult) -> list[Row]:
     """A row for each run, step and noise model, of one avatar or both."""
-    assert result.held is not None
     rows = []
     for row, (run, step) in _with_places(result, configuration_rows(result), per=1):
         model = str(row["noise_model"])
@@ -52,7 +51,6 @@ def held_point_rows(result: ScheduleResult) -> list[Row]:
 
 def run_rows(result: ScheduleResult) -> list[Row]:
     """A row for each run: what its steering came to."""
-    assert result.held is not None
     rows = []
     for run in result.held.design.runs:
         steered = run.steered
@@ -75,7 +73,6 @@ def run_rows(result: ScheduleResult) -> list[Row]:
 
 def _lost(result: ScheduleResult, run: int, step: int) -> bool:
     """Whether the steering had lost the avatar, or one of both."""
-    assert result.held is not None
     lost = dict(
         zip(result.held.design.stage.names, result.held.design.runs[run].steered.lost[step].tolist(), strict=True)
     )
@@ -90,7 +87,6 @@ def _with_places(result: ScheduleResult, rows: Sequence[Row], per: int) -> Itera
 
 
 def _place(result: ScheduleResult, run: int, step: int) -> Row:
-    assert result.held is not None
     which = result.held.design.runs[run]
     return {
         "step": step,

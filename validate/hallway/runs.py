@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from pss import PTZCamera
 from pss.ptz_limits import PTZLimits
+from render.sampling import Sampling
+from scenes import Scene
 from scenes.schedule_file import MotorsSpec, ScheduleFile, TrackingSpec
+from validate.acquire import Acquisition, views_of
 from validate.hallway.stage import Stage
 from validate.hallway.state import Plan
 from validate.hallway.steering import Steered, steer
-from validate.hallway.strategies import STRATEGIES, Strategy, strategy_named
+from validate.hallway.strategies import Strategy, strategy_named
 from validate.hallway.surrogates import avatar_like
 from validate.hallway.tracker import Tracking
-from validate.hallway.walk import Passing
 
-__all__ = ["Run", "limit_name", "motor_limits", "plan_of", "steered_runs", "strategies_of", "tracking_of"]
+__all__ = ["Run", "limit_name", "motor_limits", "plan_of", "steered_runs", "step_views", "strategies_of", "tracking_of"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,12 +57,8 @@ def tracking_of(said: TrackingSpec, seed: int) -> Tracking:
     )
 
 
-def plan_of(schedule: ScheduleFile, stage: Stage, zoom_limit: float | None, walk: Passing | None = None) -> Plan:
-    """What a run's strategy gets to know, by the surrogates that the schedule asks for.
-
-    Args:
-        walk: where decisions are a step of it apart; None for the stage's own.
-    """
+def plan_of(schedule: ScheduleFile, stage: Stage, zoom_limit: float | None) -> Plan:
+    """What a run's strategy gets to know, by the surrogates that the schedule asks for."""
     start = stage.at(stage.walk.times_s[0])
     avatars = {
         w.name: avatar_like(schedule.said.surrogate, start.state, w.name, w.position_m(stage.walk.times_s[0]))
@@ -68,7 +67,7 @@ def plan_of(schedule: ScheduleFile, stage: Stage, zoom_limit: float | None, walk
     return Plan(
         avatars,
         limits=motor_limits(schedule.said.motors, zoom_limit),
-        step_s=(stage.walk if walk is None else walk).step_s,
+        step_s=stage.walk.step_s,
         radius_m=schedule.said.target.radius_m,
         process=stage.scene.process,
         seed=schedule.said.seed,
@@ -76,34 +75,36 @@ def plan_of(schedule: ScheduleFile, stage: Stage, zoom_limit: float | None, walk
 
 
 def strategies_of(schedule: ScheduleFile, own: Mapping[str, Strategy]) -> dict[str, Strategy]:
-    """The schedule's strategies by name: those of `STRATEGIES`, and the user's `own`, which it need not name.
+    """The schedule's strategies by name, and the user's `own`, which it need not name and which come before ours.
 
     Raises:
         RangeError: a name that is neither.
     """
-    named = {name: own.get(name) or strategy_named(name) for name in schedule.said.strategies}
-    return {**named, **{name: strategy for name, strategy in own.items() if name not in STRATEGIES}}
+    return {name: own.get(name) or strategy_named(name) for name in schedule.said.strategies} | dict(own)
 
 
-def steered_runs(
-    schedule: ScheduleFile,
-    stage: Stage,
-    own: Mapping[str, Strategy],
-    limits: Sequence[float | None] | None = None,
-) -> list[Run]:
+def step_views(
+    schedule: ScheduleFile, scene: Scene, cameras: Iterable[PTZCamera], renderer: str, trials: int | None = None
+) -> tuple[Acquisition, ...]:
+    """The views of a scene that a schedule asks for; None for its own number of trials."""
+    said = schedule.said
+    sampling = Sampling(noise_ratio=said.render_noise_ratio)
+    return views_of(scene, cameras, sampling, renderer, said.seed, trials or said.trials, said.search)
+
+
+def steered_runs(schedule: ScheduleFile, stage: Stage, own: Mapping[str, Strategy]) -> list[Run]:
     """Every strategy under every zoom limit, the limits changing fastest; the same numbers for the same file.
 
     Args:
         own: strategies of the user's, by name.
-        limits: None for the schedule's.
 
     Raises:
         RangeError: a strategy that does not exist, or what `steer` refuses.
     """
-    found = []
-    for name, strategy in strategies_of(schedule, own).items():
-        for limit in schedule.zoom_limits if limits is None else limits:
-            plan = plan_of(schedule, stage, limit)
-            tracking = tracking_of(schedule.said.tracking, schedule.said.seed)
-            found.append(Run(name, limit, steer(stage.walk, stage.scene.cameras, strategy, plan, tracking)))
-    return found
+    plans = {limit: plan_of(schedule, stage, limit) for limit in schedule.zoom_limits}
+    tracking = tracking_of(schedule.said.tracking, schedule.said.seed)
+    return [
+        Run(name, limit, steer(stage.walk, stage.scene.cameras, strategy, plan, tracking))
+        for name, strategy in strategies_of(schedule, own).items()
+        for limit, plan in plans.items()
+    ]

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from pss import Appearance, Evaluation, PTZCamera, evaluate_many
 from pss.covariances import mean_inverse_sigma
 from pss.noise import Calibration
-from render.sampling import Sampling
-from render.view import ViewRequest, random_stream, state_key
+from render.view import random_stream, state_key
 from scenes import Scene
 from scenes.schedule_file import ScheduleFile
 from validate.acquire import Acquired, Acquisition
@@ -24,7 +23,7 @@ from validate.assess import Assessment, Measured, measure_configuration
 from validate.bank.predicted import Contender
 from validate.bank.study import FULL_MODEL, PHYSICAL_WHOLE, scene_contenders
 from validate.errors3d import MeasuredErrors
-from validate.hallway.runs import Run
+from validate.hallway.runs import Run, step_views
 from validate.hallway.stage import BOTH, Stage
 from validate.hallway.surrogates import avatar_like
 from validate.tables import pooled
@@ -71,12 +70,10 @@ class HeldStep:
     Attributes:
         assessments: of the markers of each avatar, and of both, by `Stage.groups`.
         surrogate: by the same groups and by noise model, the prediction at the surrogates' points.
-        measured: of all markers.
     """
 
     assessments: Mapping[str, Assessment]
     surrogate: Mapping[str, Mapping[str, SurrogatePrediction]]
-    measured: Measured
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,20 +86,10 @@ class Held:
 
 def design_of(schedule: ScheduleFile, stage: Stage, runs: Sequence[Run], renderer: str) -> Design:
     """Name the views that the runs need."""
-    said = schedule.said
     scenes = tuple(stage.at(time_s) for time_s in stage.walk.times_s.tolist())
-    sampling = Sampling(noise_ratio=said.render_noise_ratio)
     views = tuple(
         tuple(
-            tuple(
-                Acquisition(
-                    ViewRequest(scene.state, camera, scene.sensor, sampling, renderer),
-                    said.seed,
-                    said.trials,
-                    said.search,
-                )
-                for camera in cameras
-            )
+            step_views(schedule, scene, cameras, renderer)
             for scene, cameras in zip(scenes, run.steered.cameras, strict=True)
         )
         for run in runs
@@ -145,7 +132,7 @@ def _assess_step(design: Design, step: int, acquired: Acquired, calibration: Cal
             )
             for name, markers in groups.items()
         }
-        found[views] = HeldStep(assessments, surrogates[number], measured)
+        found[views] = HeldStep(assessments, surrogates[number])
     return [found[views] for views in wanted]
 
 

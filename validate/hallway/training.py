@@ -16,13 +16,13 @@ from pss import PTZCamera, RangeError
 from pss.noise import CALIBRATION_FACTORS, Calibration
 from pss.ptz import fitting_zoom
 from pss.views import Views
-from render.sampling import Sampling
-from render.view import ViewRequest, random_stream, state_key
+from render.view import random_stream, state_key
 from scenes import Scene
 from scenes.schedule_file import ScheduleFile
 from validate.acquire import Acquired, Acquisition
 from validate.calibrate import PixelMoments, factor_covariances, fit_best_form, pixel_moments
 from validate.calibrate_limits import limits_of_targets, whole_targets
+from validate.hallway.runs import step_views
 from validate.hallway.stage import Stage
 
 __all__ = ["Training", "calibrate_hallway", "training_views"]
@@ -67,15 +67,7 @@ def training_views(schedule: ScheduleFile, stage: Stage, renderer: str) -> list[
             focus = np.linalg.norm(target - camera.position_m) * np.exp(FOCUS_LOG * rng.standard_normal())
             settings = {"zoom": max(1.0, float(zoom)), "focus_distance_m": float(focus)}
             cameras.append(dataclasses.replace(aimed, **settings))
-        wanted = tuple(
-            Acquisition(
-                ViewRequest(scene.state, camera, scene.sensor, Sampling(noise_ratio=said.render_noise_ratio), renderer),
-                said.seed,
-                said.trials,
-                said.search,
-            )
-            for camera in cameras
-        )
+        wanted = step_views(schedule, scene, cameras, renderer)
         found.append(Training(scene, tuple(cameras), wanted))
     return found
 
