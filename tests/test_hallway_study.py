@@ -22,6 +22,7 @@ from scenes import SceneError, load_scene
 from scenes.schedule_file import SURROGATES, load_schedule
 from validate.acquire import Acquired
 from validate.bank.study import PHYSICAL_WHOLE
+from validate.hallway import command
 from validate.hallway.agreement import ALL_RUNS, agreement_rows, circular_blocks
 from validate.hallway.claims import claim_rows
 from validate.hallway.command import own_strategy
@@ -34,6 +35,7 @@ from validate.hallway.stage import BOTH, stage_of
 from validate.hallway.study import assess_held, design_of
 from validate.hallway.training import calibrate_hallway, training_views
 from validate.measure import ViewMeasurement
+from validate.store import StoreError
 
 TRIALS = 12
 # Of the median over steps and runs, with twelve trials a marker: 1/√(2·36) for each σ, averaged over tens of markers,
@@ -284,6 +286,11 @@ def test_an_avatars_rows_are_its_markers_alone(held):
         mean = (first.curves[key].values + second.curves[key].values) / 2  # as many markers on each
         np.testing.assert_allclose(both.curves[key].values, mean, rtol=1e-9)
     assert {row["object"] for row in held_point_rows(first)} == {"H1"}
+    for result in (first, second):
+        worn = held.design.stage.groups[result.avatar]
+        for own, whole in zip(result.assessments, both.assessments, strict=True):
+            np.testing.assert_array_equal(own.measured.errors.errors_m, whole.measured.errors.errors_m[:, worn])
+            np.testing.assert_array_equal(own.view_detection_rate, whole.view_detection_rate[:, worn])
 
 
 def test_all_cameras_on_one_avatar(schedule, stage, calibration):
@@ -361,6 +368,19 @@ def test_a_scene_without_two_avatars_is_refused(schedule):
     room = load_scene(schedule.scene_path.with_name("room.toml"))
     with pytest.raises(SceneError, match="has 0 avatars"):
         stage_of(schedule, room)
+
+
+def test_an_exposure_that_is_left_open_is_refused(schedule):
+    open_scene = load_scene(schedule.scene_path, ["sensor.exposure_ms=auto"])
+    with pytest.raises(SceneError, match='exposure_ms = "auto"; allowed: a number of ms'):
+        stage_of(schedule, open_scene)
+
+
+def test_a_file_in_the_way_of_the_results_is_told_before_any_work(tmp_path, monkeypatch):
+    monkeypatch.setattr(command, "steered_runs", lambda *_: pytest.fail("work was begun"))
+    (tmp_path / "taken").write_text("", encoding="utf-8")
+    with pytest.raises(StoreError, match=r"--out .* is a file; allowed is a folder"):
+        command.run(out=tmp_path / "taken", store=tmp_path / "store")
 
 
 def test_a_strategy_that_does_not_exist(schedule, stage):

@@ -26,7 +26,7 @@ from validate.store import Store, StoreError, write_text
 from validate.sweep import Plan, SweepResult, assess_sweep, plan
 from validate.warnings_of_views import warn_of_render_noise, warn_of_saturation
 
-__all__ = ["MEGABYTES_A_VIEW", "Options", "execute", "linked_views"]
+__all__ = ["MEGABYTES_A_VIEW", "Options", "check_folders", "execute", "linked_views", "versions"]
 
 MEGABYTES_A_VIEW = 10
 
@@ -126,7 +126,16 @@ def _check(options: Options) -> None:
     for name in names:
         if names.count(name) > 1:
             raise RangeError(f"sweep {name!r} is given twice; allowed: each once, as it names its rows")
-    for flag, folder in (("--out", options.folder), ("--store", options.store)):
+    check_folders(options.folder, options.store)
+
+
+def check_folders(out: Path, store: Path) -> None:
+    """Whether a run could leave something there, before it takes its time.
+
+    Raises:
+        StoreError: a file is in the way, or the folder cannot be written.
+    """
+    for flag, folder in (("--out", out), ("--store", store)):
         if folder.exists() and not folder.is_dir():
             raise StoreError(f"{flag} {folder} is a file; allowed is a folder")
         existing = next(parent for parent in [folder, *folder.resolve().parents] if parent.exists())
@@ -204,14 +213,13 @@ def _write_run(
     seconds: dict[str, float],
     drawn_from: str,
 ) -> None:
-    packages = ("mitsuba", "drjit", "opencv-contrib-python-headless", "numpy", "scipy", "OpenImageIO", "pss-testbed")
     content = {
         "options": {name: str(value) for name, value in dataclasses.asdict(options).items()},
         "sweeps": {each.sweep.name: each.sweep.resolved() for each in plans},
         "scenes": {each.sweep.name: each.scene.resolved() for each in plans},
         "seeds": {each.sweep.name: each.sweep.seed for each in plans},
         "renderer": chosen.identity,
-        "versions": {name: _version(name) for name in packages} | {"python": platform.python_version()},
+        "versions": versions(),
         "seconds": seconds,
         "rendered": acquired.rendered,
         "measured": len(acquired.measured_items),
@@ -228,6 +236,12 @@ def _figures_of_last_run(folder: Path) -> str | None:
         return str(said["figures_drawn_from"])
     except (OSError, ValueError, KeyError, TypeError):
         return None
+
+
+def versions() -> dict[str, str]:
+    """Of Python and of the packages that a run's numbers hang on."""
+    packages = ("mitsuba", "drjit", "opencv-contrib-python-headless", "numpy", "scipy", "OpenImageIO", "pss-testbed")
+    return {name: _version(name) for name in packages} | {"python": platform.python_version()}
 
 
 def _version(package: str) -> str:

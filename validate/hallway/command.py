@@ -34,9 +34,10 @@ from validate.hallway.strategies import Strategy
 from validate.hallway.study import FULL_MODEL, Design, assess_held, design_of
 from validate.hallway.training import calibrate_hallway, training_views
 from validate.progress import EXPECTED_SECONDS, ViewProgress, clock
-from validate.run import MEGABYTES_A_VIEW, linked_views
+from validate.run import MEGABYTES_A_VIEW, check_folders, linked_views, versions
 from validate.store import Store, atomic_path, write_text
 from validate.tables import timing_rows, view_rows, write_csv
+from validate.warnings_of_views import warn_of_render_noise, warn_of_saturation
 
 __all__ = ["main", "run"]
 
@@ -79,11 +80,15 @@ def run(
     overrides += [f"sweep.trials={trials}"] if trials is not None else []
     overrides += [f"sweep.seed={seed}"] if seed is not None else []
     file = load_schedule(schedule, overrides)
+    folder = out or Path("results") / file.name
+    check_folders(folder, store)
     own = dict(own_strategy(each) for each in strategy)
     strategies_of(file, own)  # raises what is wrong with them
     stage = stage_of(file, load_scene(scene or file.scene_path, overrides))
     chosen = backend.choose(variant)
     console.print(str(chosen), markup=False)
+    for warning in stage.scene.warnings:
+        errors.print(warning, markup=False, soft_wrap=True)
     errors.print("steering the cameras", markup=False)
     runs = steered_runs(file, stage, own)
     training = training_views(file, stage, chosen.identity)
@@ -102,7 +107,6 @@ def run(
     after_views = time.perf_counter()
     calibration = calibrate_hallway(training, acquired)
     held = assess_held(design, acquired, calibration)
-    folder = out or Path("results") / file.name
     write_text(folder / "calibrated.toml", calibration.to_toml())
     results = [result_of(held, avatar) for avatar in stage.groups]
     both = results[-1]
@@ -137,6 +141,8 @@ def run(
         f"{clock(seconds['total'] - seconds['views'])} after the views; results in {folder}",
         markup=False,
     )
+    warn_of_render_noise(wanted, acquired, errors)
+    warn_of_saturation(wanted, acquired, errors)
     return 0
 
 
@@ -188,7 +194,6 @@ def _draw(folder: Path, result: ScheduleResult) -> None:
     from validate.hallway.figure import schedule_figure
 
     figure = schedule_figure(result)
-    assert result.held is not None
     with atomic_path(folder / "figures" / f"{result.held.design.schedule.name}.png") as temporary:
         figure.savefig(temporary, dpi=130, format="png")
     plt.close(figure)
@@ -200,6 +205,7 @@ def _write_run(folder: Path, design: Design, renderer: str, acquired: Acquired, 
         "scene": design.stage.scene.resolved(),
         "walk": asdict(design.stage.walk),
         "renderer": renderer,
+        "versions": versions(),
         "rendered": acquired.rendered,
         "measured": len(acquired.measured_items),
         "seconds": seconds,

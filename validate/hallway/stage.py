@@ -113,12 +113,14 @@ def stage_of(schedule: ScheduleFile, scene: Scene) -> Stage:
     """The stage of a schedule.
 
     Raises:
-        SceneError: the scene has not two avatars, or not four walls around the walk.
+        SceneError: the scene has not two avatars, leaves its exposure open, or has walls in the way of the walk.
         GeometryError, RangeError: walks that do not meet.
     """
     names = [item["name"] for item in scene.resolved()["objects"] if item["kind"] == "avatar"]
     if len(names) != 2:
         raise SceneError([f"{scene.path} has {len(names)} avatars ({', '.join(names) or 'none'}); allowed: two"])
+    if scene.auto_exposure is not None:
+        raise SceneError([f'{scene.path}: sensor.exposure_ms = "auto"; allowed: a number of ms, as all steps share it'])
     said, room = schedule.said, scene.state.room
     for what, value, most in (
         ("walk.reach_m", said.walk.reach_m, room.length_m / 2),
