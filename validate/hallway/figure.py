@@ -37,7 +37,6 @@ PER_MM = 1e-3
 
 def schedule_figure(result: ScheduleResult) -> Figure:
     """PSS of both avatars: a row for each kind, a column for strategy (1), (2) and the others."""
-    assert result.held is not None
     runs = result.held.design.runs
     named = [[run.strategy for run in runs if run.strategy in panel] for panel in PANELS]
     others = [run.strategy for run in runs if not any(run.strategy in panel for panel in PANELS)]
@@ -62,7 +61,6 @@ def schedule_figure(result: ScheduleResult) -> Figure:
 
 
 def _panel(axes: Axes, result: ScheduleResult, strategies: list[str], kind: str) -> None:
-    assert result.held is not None
     runs, steps = result.held.design.runs, result.shape[1]
     y = np.array([float(c.value) for c in result.configurations[:steps]])
     limits = list(dict.fromkeys(run.zoom_limit for run in runs))
@@ -77,6 +75,11 @@ def _panel(axes: Axes, result: ScheduleResult, strategies: list[str], kind: str)
         label = PAPERS.get(run.strategy, run.strategy) if run.zoom_limit == limits[0] else None
         axes.plot(y, PER_MM * predicted.values[number], style, color=colour, label=label, linewidth=1.6)
         if run.zoom_limit != limits[0]:
+            # Where the limit does not bind, the views are those of the run without it.
+            free = next(n for n, r in enumerate(runs) if (r.strategy, r.zoom_limit) == (run.strategy, limits[0]))
+            bound = measured.values[number] != measured.values[free]
+            held_back = PER_MM * measured.values[number][bound]
+            axes.plot(y[bound], held_back, "s", color=colour, markerfacecolor="white", markersize=4, linewidth=0)
             continue
         bars = PER_MM * np.abs(np.array([low[number], high[number]]) - measured.values[number])
         axes.errorbar(
@@ -89,7 +92,6 @@ def _panel(axes: Axes, result: ScheduleResult, strategies: list[str], kind: str)
 
 
 def _key(result: ScheduleResult) -> list[Line2D]:
-    assert result.held is not None
     limits = list(dict.fromkeys(run.zoom_limit for run in result.held.design.runs))
     grey = "#444444"
     found = []
@@ -97,6 +99,9 @@ def _key(result: ScheduleResult) -> list[Line2D]:
         name = "no zoom limit" if limit is None else f"zoom limit ×{limit_name(limit).removeprefix('x')}"
         found.append(Line2D([], [], color=grey, linestyle=style, label=f"predicted, calibrated R, {name}"))
     found.append(Line2D([], [], color=grey, marker="o", linestyle="", markersize=4, label="measured, 95 %"))
+    if len(limits) > 1:
+        square = {"marker": "s", "markerfacecolor": "white", "linestyle": "", "markersize": 4}
+        found.append(Line2D([], [], color=grey, label="measured where a limit binds", **square))
     found.append(
         Line2D([], [], color=grey, linewidth=0.7, alpha=0.6, label=f"predicted, {SHOWN_BESIDE} R, scaled to the mean")
     )
