@@ -109,6 +109,9 @@ def test_frames_rows_count_what_is_tracked(tracked):
         assert row["tracked"] <= row["markers"]
     middle = next(row for row in rows if row["step"] == FRAMES // 2 and row["avatar"] == "both")
     assert middle["found_by_two"] > 5
+    in_views = np.isfinite(tracked.pixels[FRAMES // 2, :, :, :, 0]).sum(axis=0)
+    assert middle["found_by_two"] == np.mean([(trial > 1).sum() for trial in in_views])
+    assert middle["found_by_one"] == np.mean([(trial == 1).sum() for trial in in_views])
     assert middle["measured_median_m"] < 0.02
 
 
