@@ -41,13 +41,6 @@ Row = dict[str, object]
 
 # Models that need no measurement.
 FREE_MODELS = ("as-printed", "corrected", "physical", "identity")
-# Metrics that depend on R; all others are asked once.
-OF_NOISE = (
-    "pss", "pss-single-frame", "pss-posterior", "worst-sigma", "entropy", "uncertainty-reward",
-    "uncertainty-reward-steady-state", "a-optimality", "a-optimality-count-zero", "d-optimality",
-    "d-optimality-count-zero", "e-optimality", "e-optimality-count-zero", "t-optimality", "t-optimality-count-zero",
-    "worst-diagonal", "worst-diagonal-count-zero", "occlusion-robustness",
-)  # fmt: skip
 # Under the models beside the one that all metrics are asked under.
 ALWAYS = ("pss", "pss-single-frame", "d-optimality-count-zero", "e-optimality-count-zero")
 # R and limits of detection, both fitted on the training views.
