@@ -313,7 +313,7 @@ def test_a_disk_that_is_really_full_leaves_what_is_stored(small_disk):
     store = Store(small_disk)
     rng = np.random.default_rng(0)
     store.save(store.light("small"), {"x": rng.random(1000)})
-    with pytest.raises(StoreError, match=r"disk is full; the file needs 8,\d{3},\d{3} bytes, \d{3},\d{3} are free"):
+    with pytest.raises(StoreError, match=r"disk is full; the file needs [78],\d{3},\d{3} bytes, [\d,]+ are free"):
         store.save(store.light("large"), {"x": rng.random(10**6 + 10**5 // 2)})
     request, view = an_awkward_view()
     shape = 500, 700
@@ -325,7 +325,7 @@ def test_a_disk_that_is_really_full_leaves_what_is_stored(small_disk):
         marker_id=np.zeros(shape, dtype=np.int32),
         capture_dn=np.zeros(shape, dtype=np.uint16),
     )
-    with pytest.raises(StoreError, match=r"disk is full; the file needs up to 7,700,000 bytes, \d{3},\d{3} are free"):
+    with pytest.raises(StoreError, match=r"disk is full; the file needs up to 7,700,000 bytes, [\d,]+ are free"):
         save_view(store, large, request)
     assert load_view(store, request.key) is None
     save_view(store, view, request)
