@@ -20,7 +20,7 @@ import pytest
 import validate.acquire as acquiring
 from pss import PTZCamera
 from render.exr import write_view
-from render.state import Light, Panel
+from render.state import Light, Marker, Panel
 from render.view import random_stream, state_key
 from tests.views import an_awkward_view
 from validate.acquire import Acquisition, acquire, with_whole_views
@@ -31,6 +31,7 @@ from validate.worker_queue import WorkerQueue
 REQUEST, VIEW = an_awkward_view()
 # Of the camera: enough views that some are whole while one is damaged.
 ZOOMS = (1.5, 2.0, 3.0)
+MARKER = Marker(5, "board", (0.0, 0.0, 1.3), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), 0.02)
 WAYS = ("cut", "flipped", "emptied")
 
 
@@ -95,11 +96,11 @@ class NoiseRenderer:
 
 @pytest.fixture
 def wanted(monkeypatch):
-    """Views of one camera at three zooms, in a room with a lamp; rendered and measured by the stand-ins."""
+    """Views of one camera at three zooms, in a room with a lamp and a marker; made by the stand-ins."""
     monkeypatch.setattr(acquiring, "Renderer", NoiseRenderer)
     monkeypatch.setattr(acquiring, "WorkerQueue", QueueOfThisProcess)
     NoiseRenderer.rendered = []
-    state = dataclasses.replace(REQUEST.state, light=Light(0.2, (Panel((0.0, 0.0), (0.6, 0.6)),)))
+    state = dataclasses.replace(REQUEST.state, light=Light(0.2, (Panel((0.0, 0.0), (0.6, 0.6)),)), markers=(MARKER,))
     requests = [
         dataclasses.replace(REQUEST, state=state, camera=dataclasses.replace(REQUEST.camera, zoom=zoom))
         for zoom in ZOOMS
@@ -119,7 +120,7 @@ def result_of(acquired):
     return (
         {item.request.key: measured.pixels.tobytes() for item, measured in acquired.measured.items()},
         {key: dataclasses.astuple(certificate) for key, certificate in sorted(acquired.certificates.items())},
-        {key: look.white_w_per_m2_sr.tobytes() for key, look in acquired.appearances.items()},
+        {key: np.asarray(look.white_w_per_m2_sr).tobytes() for key, look in acquired.appearances.items()},
         acquired.failed,
     )
 
@@ -142,6 +143,9 @@ def test_every_file_damaged_in_turn_is_noticed_and_made_again(wanted, tmp_path, 
     original = Store(tmp_path / "original")
     first, rendered = made(wanted, original)
     assert len(rendered) == len(ZOOMS)
+    assert first.failed == {}
+    assert set(first.measured) == set(wanted)
+    assert len(first.appearances) == 1
     files = stored(original.folder)
     assert len(files) == 2 * (2 * len(ZOOMS) + 1)
     for number, file in enumerate(files):

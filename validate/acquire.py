@@ -103,6 +103,8 @@ def acquire(
     for item in todo:
         if item.request.key not in acquired.failed and not _loaded(item, store, acquired):
             acquired.failed[item.request.key] = "its measurement is missing from the store"
+    # In the order in which they are wanted, whatever was there and whatever was made now.
+    acquired.measured = {item: acquired.measured[item] for item in unique if item in acquired.measured}
     _find_appearances(unique, store, chosen, acquired)
     return acquired
 
