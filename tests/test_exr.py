@@ -12,13 +12,12 @@ import OpenImageIO as oiio
 import pytest
 
 import render.exr
-from pss import ImageSensor, PSSError, PTZCamera
+from pss import PSSError
 from render.exr import CHANNELS, ImageFileError, read_certificate, read_view, write_view
-from render.sampling import Sampling
-from render.state import Light, MarkerPrint, Room, SceneState
-from render.view import RENDER_VERSION, Certificate, RenderedView, ViewRequest
+from render.view import RENDER_VERSION, RenderedView, ViewRequest
+from tests.views import AWKWARD_RESOLUTION, an_awkward_view
 
-WIDTH, HEIGHT = 37, 23
+WIDTH, HEIGHT = AWKWARD_RESOLUTION
 # Half floats carry 11 bits: the normal's layer is for the eye.
 HALF = 2.0**-11
 
@@ -26,34 +25,7 @@ HALF = 2.0**-11
 @pytest.fixture
 def request_and_view() -> tuple[ViewRequest, RenderedView]:
     """A view of awkward numbers, made without rendering."""
-    rng = np.random.default_rng(5)
-    camera = PTZCamera(
-        (0.1, -1 / 3, 2.8), 123.456789012345, -20.1, np.pi, focus_distance_m=3.3, resolution=(WIDTH, HEIGHT), name="4"
-    )
-    sensor = ImageSensor(550.0, 0.5, 4.0, 10_000.0, 6.0, 16, 64)
-    state = SceneState(
-        Room(6.0, 6.0, 3.0, 0.5, 0.5, 0.5), Light(0.2, ()), (), (), MarkerPrint("DICT_4X4_100", 1.0, 0.85, 0.04)
-    )
-    request = ViewRequest(state, camera, sensor, Sampling(noise_ratio=0.1), "mitsuba-3.9.0-scalar_rgb")
-    depth = rng.uniform(0.5, 9, (HEIGHT, WIDTH)).astype(np.float32)
-    depth[0, 0] = np.inf
-    normal = rng.standard_normal((HEIGHT, WIDTH, 3))
-    marker = rng.integers(-1, 1000, (HEIGHT, WIDTH)).astype(np.int32)
-    marker[1, 1] = 2**24 - 1
-    capture = rng.integers(0, 2**16, (HEIGHT, WIDTH)).astype(np.uint16)
-    capture[0, :2] = 0, 2**16 - 1
-    view = RenderedView(
-        request.key,
-        camera,
-        sensor,
-        rng.lognormal(-5, 4, (HEIGHT, WIDTH)).astype(np.float32),
-        depth,
-        (normal / np.linalg.norm(normal, axis=-1, keepdims=True)).astype(np.float32),
-        marker,
-        capture,
-        Certificate(0.1, 1 / 3, float("nan"), 1e-7, 0.4, 123_456_789, 0.25),
-    )
-    return request, view
+    return an_awkward_view()
 
 
 @pytest.fixture

@@ -56,7 +56,7 @@ def run(
     scene: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
     second_scene: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("results/bank"),
-    store: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("results/store"),
+    store: Annotated[str, tyro.conf.arg(metavar="DIR")] = "results/store",
     settings: int = 10,
     configurations: int = 500,
     trials: int = 10,
@@ -71,7 +71,7 @@ def run(
         scene: scene file (default: the room).
         second_scene: another room, in which the calibration is judged without refitting (default: the atrium).
         out: folder for the results.
-        store: folder of rendered views and measurements, shared by all runs.
+        store: folder of rendered views and measurements, shared by all runs, or an address (docs/store.md).
         settings: views of each camera.
         configurations: of each of 2, 3, 4 and 6 cameras.
         trials: noisy captures of each render.

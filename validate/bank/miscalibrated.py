@@ -35,7 +35,7 @@ CAMERAS = 4
 def run(
     scene: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("results/calibration-error"),
-    store: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("results/store"),
+    store: Annotated[str, tyro.conf.arg(metavar="DIR")] = "results/store",
     settings: int = 10,
     configurations: int = 200,
     trials: int = 10,
@@ -50,7 +50,7 @@ def run(
     Args:
         scene: scene file (default: the room).
         out: folder for the results.
-        store: folder of rendered views and measurements, shared by all runs.
+        store: folder of rendered views and measurements, shared by all runs, or an address (docs/store.md).
         settings: views of each camera.
         configurations: of four cameras.
         trials: noisy captures of each render.
