@@ -26,7 +26,8 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio
 
-from pss import ImageSensor, PSSError, PTZCamera
+from pss import ImageSensor, PSSError, PTZCamera, RangeError
+from render.images import open_image
 from render.view import RENDER_VERSION, Certificate, RenderedView, ViewRequest
 
 __all__ = ["ImageFileError", "read_certificate", "read_view", "write_view"]
@@ -97,7 +98,7 @@ def read_view(path: Path) -> RenderedView:
     """Read a view back: the same camera, sensor and images that were written.
 
     Raises:
-        ImageFileError: the file is missing, damaged, or lacks a header attribute.
+        ImageFileError: the file is missing, damaged, larger than `render.images` allows, or lacks a header attribute.
     """
     with _opened(path) as image:
         spec = image.spec()
@@ -106,6 +107,7 @@ def read_view(path: Path) -> RenderedView:
         if pixels is None:
             raise ImageFileError(f"{path}: {image.geterror()}")
         planes = {name: pixels[..., number] for number, name in enumerate(spec.channelnames)}
+        _check_planes(path, planes, camera, (spec.width, spec.height))
         return RenderedView(
             spec.get_string_attribute("pss:key"),
             camera,
@@ -129,21 +131,37 @@ def read_certificate(path: Path) -> Certificate:
         return Certificate(**_attribute(path, image.spec(), "certificate"))
 
 
+def _check_planes(path: Path, planes: dict[str, Any], camera: PTZCamera, size: tuple[int, int]) -> None:
+    """The image is as large as the camera's, and whole numbers are some."""
+    if tuple(camera.resolution) != size:
+        raise ImageFileError(
+            f"{path}: {size[0]} × {size[1]} pixels of a camera of {camera.resolution[0]} × {camera.resolution[1]}; "
+            "allowed are views that this project wrote"
+        )
+    for name, lowest, highest in (("marker.id", -1, 2**24), ("capture.Y", 0, 2**16 - 1)):
+        plane = planes[name]
+        # Written so that what is no number fails.
+        if not ((plane >= lowest) & (plane <= highest) & (plane == np.round(plane))).all():
+            raise ImageFileError(f"{path}: {name} holds what is no whole number from {lowest} to {highest}")
+
+
 @contextlib.contextmanager
 def _opened(path: Path) -> Iterator[Any]:
     """OpenImageIO's reader of a view; a channel that is missing, and a wrong header, are raised as `ImageFileError`.
 
     So a view of older code that a store may hold is made again, and not found to be unreadable when it is measured.
     """
-    image = oiio.ImageInput.open(str(path))
-    if image is None:
-        raise ImageFileError(f"{path}: {oiio.geterror()}")
+    try:
+        image = open_image(path)
+    except RangeError as error:
+        raise ImageFileError(f"{path}: {error}") from error
     try:
         if missing := set(CHANNELS) - set(image.spec().channelnames):
             raise ImageFileError(f"{path}: no channel {', '.join(sorted(missing))}; allowed are views of this version")
         yield image
-    except (KeyError, TypeError, ValueError) as error:
-        raise ImageFileError(f"{path}: {error}; allowed are views that this project wrote") from error
+    except (KeyError, TypeError, ValueError, ArithmeticError, RecursionError) as error:
+        reason = " ".join(str(error).split())
+        raise ImageFileError(f"{path}: {reason:.200}; allowed are views that this project wrote") from error
     finally:
         image.close()
 
@@ -152,4 +170,7 @@ def _attribute(path: Path, spec: Any, name: str) -> dict[str, Any]:
     text = spec.get_string_attribute(f"pss:{name}")
     if not text:
         raise ImageFileError(f"{path}: the header lacks pss:{name}; allowed are views that this project wrote")
-    return dict(json.loads(text))
+    content = json.loads(text)
+    if not isinstance(content, dict):
+        raise ImageFileError(f"{path}: pss:{name} is {text[:60]!r}; allowed are views that this project wrote")
+    return content

@@ -9,9 +9,12 @@ import contextlib
 import errno
 import hashlib
 import io
+import math
 import os
+import struct
 import tempfile
 import zipfile
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +28,22 @@ __all__ = ["Store", "StoreError", "atomic_path", "discard_unfinished", "write_te
 
 Arrays = dict[str, NDArray[np.generic]]
 
+# Of an archive, unpacked: the light of the largest scene takes a tenth of it.
+MOST_BYTES = 2**30
+# What zipfile, zlib, tokenize and numpy raise on a damaged archive.
+DAMAGE = (
+    OSError,
+    ValueError,
+    TypeError,
+    EOFError,
+    LookupError,
+    RuntimeError,
+    ArithmeticError,
+    SyntaxError,
+    struct.error,
+    zlib.error,
+    zipfile.BadZipFile,
+)
 
 # Temporary files that this process is writing, for whoever must stop it in the middle.
 _unfinished: set[Path] = set()
@@ -99,11 +118,33 @@ class Store:
     def load(self, path: Path) -> Arrays | None:
         """The arrays of one of the store's paths; None where there is nothing (or nothing whole)."""
         try:
-            with np.load(path, allow_pickle=False) as archive:
-                return {name: archive[name] for name in archive.files}
+            return _arrays_in(path)
         except FileNotFoundError:
             return None
-        except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile):
+        except DAMAGE:
             # Cut short by another program: made again.
             path.unlink(missing_ok=True)
             return None
+
+
+def _arrays_in(path: Path) -> Arrays:
+    """The arrays of an archive, of which none is larger than what the archive holds of it.
+
+    Raises:
+        OSError, ValueError and the rest of `DAMAGE`: it is none, or is damaged.
+    """
+    with zipfile.ZipFile(path) as archive:
+        members = archive.infolist()
+        size = sum(member.file_size for member in members)
+        if size > MOST_BYTES:
+            raise ValueError(f"{size} bytes; allowed: at most {MOST_BYTES}")
+        for member in members:
+            with archive.open(member) as file:
+                version = np.lib.format.read_magic(file)
+                reader = {1: np.lib.format.read_array_header_1_0, 2: np.lib.format.read_array_header_2_0}[version[0]]
+                shape, _, dtype = reader(file)
+                # numpy makes room for what the header says before it finds that there is less.
+                if dtype.hasobject or math.prod(shape) * dtype.itemsize > member.file_size:
+                    raise ValueError(f"{member.filename} does not hold {shape} of {dtype}")
+    with np.load(path, allow_pickle=False) as archive:
+        return {name: archive[name] for name in archive.files}
