@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import tomllib
@@ -11,7 +12,7 @@ from typing import Any
 
 from pss.errors import RangeError
 
-__all__ = ["DEEPEST_TABLE", "MOST_TOML_BYTES", "is_inside", "read_bounded", "read_toml"]
+__all__ = ["DEEPEST_TABLE", "MOST_TOML_BYTES", "check_values", "is_inside", "read_bounded", "read_toml"]
 
 # A hundred times the longest file that comes with the project; a thousand cameras take half of it.
 MOST_TOML_BYTES = 512 * 1024
@@ -19,6 +20,8 @@ MOST_TOML_BYTES = 512 * 1024
 DEEPEST_TABLE = 32
 # TOML's own range; beyond it some numbers could be read, but not be written or be made a float.
 LARGEST_INTEGER = 2**63 - 1
+# Beyond any measure in any unit, and still so that products and quotients of several are numbers.
+SMALLEST_NUMBER, LARGEST_NUMBER = 1e-30, 1e30
 
 # A dotted key of more parts than tables may be deep: the time to read one grows with the square of its parts.
 # Possessive (+): without them the search for it would take as long.
@@ -68,7 +71,7 @@ def read_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
                 f"line {number}: a key of more than {DEEPEST_TABLE} parts; allowed: at most {DEEPEST_TABLE}"
             )
         document = tomllib.loads(text)
-        _check_values(document)
+        check_values(document)
     except FileNotFoundError:
         raise RangeError(f"{path}: there is no such file") from None
     except UnicodeDecodeError as error:
@@ -89,19 +92,37 @@ def read_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
     return document
 
 
-def _check_values(document: dict[str, Any]) -> None:
-    """That nothing lies too deep, and all whole numbers are TOML's; without recursion, as it is about that."""
-    level: list[object] = [document]
+def check_values(document: dict[str, Any]) -> None:
+    """That nothing in a document lies too deep, and that its numbers can be reckoned with.
+
+    Raises:
+        RangeError: tables or lists deeper than `DEEPEST_TABLE`, a whole number that TOML does not have, or a number
+            that is not 0 and farther from 1 than `LARGEST_NUMBER` or `SMALLEST_NUMBER`.
+    """
+    # Without recursion, as it is about that.
+    level: list[tuple[str, object]] = [("", document)]
     for _ in range(DEEPEST_TABLE + 1):
         if not level:
             return
-        below: list[object] = []
-        for value in level:
+        below: list[tuple[str, object]] = []
+        for key, value in level:
             if isinstance(value, dict):
-                below += value.values()
+                below += ((str(name), item) for name, item in value.items())
             elif isinstance(value, list):
-                below += value
-            elif isinstance(value, int) and abs(value) > LARGEST_INTEGER:
-                raise RangeError(f"a whole number of {value.bit_length()} bits; allowed: within ±{LARGEST_INTEGER}")
+                below += ((key, item) for item in value)
+            elif isinstance(value, int):
+                if abs(value) > LARGEST_INTEGER:
+                    bits = value.bit_length()
+                    raise RangeError(
+                        f"{key!r:.60} has a whole number of {bits} bits; allowed: within ±{LARGEST_INTEGER}"
+                    )
+            elif isinstance(value, float) and not _is_measure(value):
+                allowed = f"0, or of a size from {SMALLEST_NUMBER:g} to {LARGEST_NUMBER:g}"
+                raise RangeError(f"{key!r:.60} has the number {value!r}; allowed: {allowed}")
         level = below
     raise RangeError(f"lists or tables too deep; allowed: at most {DEEPEST_TABLE} levels")
+
+
+def _is_measure(value: float) -> bool:
+    # What is no number is told where a number is wanted, with the key's own range.
+    return value == 0 or not math.isfinite(value) or SMALLEST_NUMBER <= abs(value) <= LARGEST_NUMBER

@@ -117,7 +117,7 @@ def read_view(path: Path) -> RenderedView:
             np.dstack([planes[f"normal.{axis}"] for axis in "XYZ"]),
             planes["marker.id"].astype(np.int32),
             planes["capture.Y"].astype(np.uint16),
-            Certificate(**_attribute(path, spec, "certificate")),
+            _certificate(path, spec),
         )
 
 
@@ -128,7 +128,7 @@ def read_certificate(path: Path) -> Certificate:
         ImageFileError: as `read_view`, but for damage to the pixels.
     """
     with _opened(path) as image:
-        return Certificate(**_attribute(path, image.spec(), "certificate"))
+        return _certificate(path, image.spec())
 
 
 def _check_planes(path: Path, planes: dict[str, Any], camera: PTZCamera, size: tuple[int, int]) -> None:
@@ -164,6 +164,14 @@ def _opened(path: Path) -> Iterator[Any]:
         raise ImageFileError(f"{path}: {reason:.200}; allowed are views that this project wrote") from error
     finally:
         image.close()
+
+
+def _certificate(path: Path, spec: Any) -> Certificate:
+    said = _attribute(path, spec, "certificate")
+    for name, value in said.items():
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise ImageFileError(f"{path}: {name[:60]!r} of its certificate is {str(value)[:60]!r}; allowed: a number")
+    return Certificate(**said)
 
 
 def _attribute(path: Path, spec: Any, name: str) -> dict[str, Any]:

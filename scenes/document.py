@@ -42,7 +42,13 @@ def apply_overrides(model: type[Spec], overrides: Iterable[str], problems: Probl
         if not equals or not key:
             problems.say(f"override {shown(override)}; allowed: key=value, such as cameras.2.zoom=4")
             continue
-        set_value(model, key, _parsed(text), problems)
+        value = _parsed(text)
+        try:
+            pss.files.check_values({key: value})
+        except RangeError as error:
+            problems.say(f"override {shown(override)}; {error}")
+            continue
+        set_value(model, key, value, problems)
 
 
 def set_value(model: type[Spec], key: str, value: object, problems: Problems) -> None:

@@ -329,6 +329,43 @@ def test_a_hall_whose_light_is_a_matrix_too_large_is_refused():
         scene_patches(state)
 
 
+# ---- what mutated files found ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key"),
+    [
+        # A range of more items than a length can have.
+        ("columns = 8, rows = 6", "columns = 4000000000000000000, rows = 9", "markers.rows"),
+        ("count = 36", "count = 9223372036854775807", "markers.count"),
+        # The largest module that fits was looked for in steps finer than such numbers are.
+        ("radius_m = 0.45", "radius_m = 1e18", "centre_m"),
+        # Products were infinite, and are to be written as whole numbers.
+        ("module_mm = 20.0", "module_mm = 1e30", "module_mm"),
+        ("quiet_zone_modules = 1.0", "quiet_zone_modules = 1e30", "module_mm"),
+        ("albedo = 0.3", "albedo = 1e300", "'albedo' has the number 1e+300; allowed: 0, or of a size from 1e-30 to"),
+        ("zoom = 3.0", "zoom = 1e-300", "'zoom' has the number 1e-300"),
+    ],
+)
+def test_numbers_beyond_measure_are_told(tmp_path, old, new, key):
+    path = write(tmp_path / "scene.toml", changed(ROOM, old, new).replace("module_mm = 14.0", "module_mm = 1e18"))
+    with pytest.raises(SceneError) as caught:
+        load_scene(path)
+    assert any(key in line for line in caught.value.problems)
+
+
+def test_an_override_beyond_measure_is_told_too():
+    said = problem_of(load_scene, FOLDER / "room.toml", ["cameras.2.zoom=1e300"])
+    assert 'override "cameras.2.zoom=1e300"; ' in said
+
+
+def test_a_suit_of_modules_without_measure_is_told(tmp_path):
+    walk = (FOLDER / "hallway.toml").read_text(encoding="utf-8")
+    text = changed(walk, "first_id = 0 }", "first_id = 0, head_module_mm = 1e30 }")
+    said = problem_of(load_scene, write(tmp_path / "scene.toml", text))
+    assert "objects.H1.markers.head_module_mm = 1e+30; allowed: at most" in said
+
+
 # ---- meshes ----------------------------------------------------------------------------------------------------------
 
 
