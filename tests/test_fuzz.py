@@ -76,8 +76,9 @@ def check(kind: str, seed: int, count: int, folder) -> None:
     assert not done.faults, "\n".join(done.faults)
     # Neither so little changed nor so much that nothing was asked.
     assert done.read + done.refused == count
-    assert done.read
     assert done.refused
+    # The checksums of an archive notice nearly every change.
+    assert done.read or kind == "archive"
 
 
 @pytest.mark.parametrize("kind", KINDS)
