@@ -27,7 +27,7 @@ import numpy as np
 import OpenImageIO as oiio
 
 from pss import ImageSensor, PSSError, PTZCamera, RangeError
-from render.images import open_image
+from render.images import one_line, open_image
 from render.view import RENDER_VERSION, Certificate, RenderedView, ViewRequest
 
 __all__ = ["ImageFileError", "read_certificate", "read_view", "write_view"]
@@ -105,7 +105,7 @@ def read_view(path: Path) -> RenderedView:
         camera = PTZCamera(**_attribute(path, spec, "camera"))
         pixels = image.read_image(0, 0, 0, spec.nchannels, "float")
         if pixels is None:
-            raise ImageFileError(f"{path}: {image.geterror()}")
+            raise ImageFileError(f"{path}: {one_line(image.geterror())}")
         planes = {name: pixels[..., number] for number, name in enumerate(spec.channelnames)}
         _check_planes(path, planes, camera, (spec.width, spec.height))
         return RenderedView(
@@ -160,8 +160,7 @@ def _opened(path: Path) -> Iterator[Any]:
             raise ImageFileError(f"{path}: no channel {', '.join(sorted(missing))}; allowed are views of this version")
         yield image
     except (KeyError, TypeError, ValueError, ArithmeticError, RecursionError) as error:
-        reason = " ".join(str(error).split())
-        raise ImageFileError(f"{path}: {reason:.200}; allowed are views that this project wrote") from error
+        raise ImageFileError(f"{path}: {one_line(str(error))}; allowed are views that this project wrote") from error
     finally:
         image.close()
 

@@ -13,26 +13,7 @@ import numpy as np
 Generator = np.random.Generator
 
 # What may stand where something else should.
-NUMBERS = (
-    0,
-    -1,
-    1,
-    3,
-    1e-300,
-    5e-324,
-    1e300,
-    -1e300,
-    1e9,
-    -1e9,
-    10**12,
-    2**63 - 1,
-    2**63,
-    10**400,
-    0.1,
-    7,
-    1000,
-    100_000,
-)
+NUMBERS = (0, -1, 1, 3, 7, 0.1, 1000, 100_000, 1e9, -1e9, 10**12, 1e-29, 1e29, -1e29, 5e-324, 1e300, 2**63 - 1, 10**400)
 NO_NUMBERS = (math.nan, math.inf, -math.inf)
 TEXTS = (
     "",
@@ -49,8 +30,8 @@ TEXTS = (
 )
 OTHERS = (True, False, [], {}, [[]], [1, 2, 3], [1.0, "2", [3]], {"name": "x"}, [{"name": "1"}, {"name": "1"}])
 MANY = (2, 40, 1200)
-DEEP = (3, 40, 3000)
-LONG = (300, 20_000, 600_000)
+DEEP = (1, 3, 20, 40, 3000)
+LONG = (100, 300, 2000, 20_000, 600_000)
 
 
 def chosen(rng: Generator, items: Any) -> Any:
@@ -106,7 +87,8 @@ def mutated_document(document: dict[str, Any], rng: Generator) -> tuple[dict[str
         key, where = path[-1], ".".join(map(str, path))[:60]
         value = owner.get(key) if isinstance(owner, dict) else owner[key]
         what = chosen(
-            rng, ("drop", "double", "rename", "replace", "replace", "replace", "scale", "move", "many", "add")
+            rng,
+            ("nudge", "nudge", "nudge", "scale", "scale", "replace", "drop", "double", "rename", "move", "many", "add"),
         )
         match what:
             case "drop":
@@ -122,6 +104,13 @@ def mutated_document(document: dict[str, Any], rng: Generator) -> tuple[dict[str
             case "scale" if isinstance(value, float) or (isinstance(value, int) and abs(value) < 2**64):
                 factor = chosen(rng, (-1, 0, 10, 1e-3, 1e3, 1e6, 1e-9, 1e200))
                 owner[key] = value * factor
+            case "nudge" if isinstance(value, float):
+                # As likely to be allowed as not, so that what comes after the first checks is asked too.
+                owner[key] = value * float(rng.uniform(0.8, 1.2))
+            case "nudge" if isinstance(value, int) and not isinstance(value, bool):
+                owner[key] = value + int(rng.integers(-2, 3))
+            case "nudge" if isinstance(value, str):
+                owner[key] = value + chosen(rng, ("", " ", "s", "2"))
                 what += f" by {factor:g}"
             case "move":
                 other = document
