@@ -104,6 +104,7 @@ def mutated_document(document: dict[str, Any], rng: Generator) -> tuple[dict[str
             case "scale" if isinstance(value, float) or (isinstance(value, int) and abs(value) < 2**64):
                 factor = chosen(rng, (-1, 0, 10, 1e-3, 1e3, 1e6, 1e-9, 1e200))
                 owner[key] = value * factor
+                what += f" by {factor:g}"
             case "nudge" if isinstance(value, float):
                 # As likely to be allowed as not, so that what comes after the first checks is asked too.
                 owner[key] = value * float(rng.uniform(0.8, 1.2))
@@ -111,7 +112,6 @@ def mutated_document(document: dict[str, Any], rng: Generator) -> tuple[dict[str
                 owner[key] = value + int(rng.integers(-2, 3))
             case "nudge" if isinstance(value, str):
                 owner[key] = value + chosen(rng, ("", " ", "s", "2"))
-                what += f" by {factor:g}"
             case "move":
                 other = document
                 for step in chosen(rng, places(document) or [()]):
