@@ -36,6 +36,36 @@ def path(tmp_path, request_and_view):
     return path
 
 
+def test_a_header_that_is_no_text_is_one_line(path):
+    """What mutated files found: messages of bytes that are no UTF-8, and some that would speak to the terminal."""
+    whole = path.read_bytes()
+    key = whole.index(b"quantum_efficiency")
+    for place, found in [(key + 3, b"\xff\x1b"), *((place, b"\xff" * 5) for place in range(0, 400, 5))]:
+        path.write_bytes(whole[:place] + found + whole[place + (2 if place > key else 0) :])
+        try:
+            read_view(path)
+        except ImageFileError as error:
+            assert str(error).isprintable()  # noqa: PT017 -- some places may be changed without harm
+        else:
+            assert place != key + 3
+
+
+def test_a_certificate_is_numbers_and_the_image_is_as_large_as_its_cameras(path, request_and_view):
+    request, view = request_and_view
+    write_view(path, dataclasses.replace(view, camera=dataclasses.replace(view.camera, resolution=(8, 4))), request)
+    with pytest.raises(ImageFileError, match="37 × 23 pixels of a camera of 8 × 4"):
+        read_view(path)
+    odd = dataclasses.replace(view.certificate, samples="many")
+    write_view(path, dataclasses.replace(view, certificate=odd), request)
+    with pytest.raises(ImageFileError, match="'samples' of its certificate is 'many'; allowed: a number"):
+        read_certificate(path)
+    wrong = view.marker_id.astype(np.float32)
+    wrong[3, 3] = np.nan
+    write_view(path, dataclasses.replace(view, marker_id=wrong), request)
+    with pytest.raises(ImageFileError, match="no whole number from -1"):
+        read_view(path)
+
+
 def test_round_trip_bit_for_bit(path, request_and_view):
     """Camera, sensor, radiance, depth, capture, marker numbers and certificate come back bit for bit, types included.
 

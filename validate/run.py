@@ -45,6 +45,7 @@ class Options:
     set: tuple[str, ...] = ()
     variant: str | None = None
     dry_run: bool = False
+    allow_outside: bool = False
 
     @property
     def folder(self) -> Path:
@@ -154,8 +155,8 @@ def _loaded(options: Options) -> list[tuple[SweepFile, Scene]]:
         overrides.append(f"sweep.seed={options.seed}")
     for name in options.sweeps:
         try:
-            sweep = load_sweep(name, overrides)
-            scene = load_scene(options.scene or sweep.scene_path, overrides)
+            sweep = load_sweep(name, overrides, allow_outside=options.allow_outside)
+            scene = load_scene(options.scene or sweep.scene_path, overrides, allow_outside=options.allow_outside)
             sweep.configurations(scene)  # raises what is wrong with them
             loaded.append((sweep, scene))
         except SceneError as error:

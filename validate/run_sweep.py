@@ -53,6 +53,7 @@ def run_sweep(
     set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="KEY=VALUE")] = (),
     variant: Literal["llvm_ad_mono", "cuda_ad_mono", "scalar_rgb"] | None = None,
     dry_run: bool = False,
+    allow_outside: bool = False,
 ) -> int:
     """Predict and measure sweeps of camera settings.
 
@@ -66,12 +67,13 @@ def run_sweep(
         set: override a key of the scene file, or (sweep.KEY) of the sweep file; may be repeated.
         variant: Mitsuba's variant (default: LLVM if a libLLVM is found, else scalar).
         dry_run: say what would be done, and stop.
+        allow_outside: let files name others outside their folder (see "Files from others" in docs/scenes.md).
     """
     from rich.console import Console
 
     from validate.run import Options, execute
 
-    options = Options(sweeps, scene, out, store, trials, seed, set, variant, dry_run)
+    options = Options(sweeps, scene, out, store, trials, seed, set, variant, dry_run, allow_outside)
     # In a file or a pipe the tables keep their columns; 80 would break every line.
     wide = None if sys.stdout.isatty() else 140
     return execute(options, Console(width=wide), Console(stderr=True))

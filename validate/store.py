@@ -18,7 +18,9 @@ import dataclasses
 import hashlib
 import io
 import logging
+import math
 import os
+import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -39,6 +41,8 @@ T = TypeVar("T")
 DAMAGED = "damaged"
 # Times that a file may change under a reader's eyes, by other processes that write the same name.
 MOST_CHANGES = 20
+# Of an archive, unpacked: the light of the largest scene takes a tenth of it.
+MOST_BYTES = 2**30
 
 _log = logging.getLogger(__name__)
 # Folders whose older files this process has said that it gives sums.
@@ -263,5 +267,23 @@ def _write_bytes(path: Path, data: bytes) -> None:
 
 
 def _read_arrays(path: Path) -> Arrays:
+    """The arrays of an archive, of which none is larger than what the archive holds of it.
+
+    Raises:
+        OSError, ValueError and the rest of `DAMAGE`: it is none, or is damaged.
+    """
+    with zipfile.ZipFile(path) as archive:
+        members = archive.infolist()
+        size = sum(member.file_size for member in members)
+        if size > MOST_BYTES:
+            raise ValueError(f"{size} bytes; allowed: at most {MOST_BYTES}")
+        for member in members:
+            with archive.open(member) as file:
+                version = np.lib.format.read_magic(file)
+                reader = {1: np.lib.format.read_array_header_1_0, 2: np.lib.format.read_array_header_2_0}[version[0]]
+                shape, _, dtype = reader(file)
+                # numpy makes room for what the header says before it finds that there is less.
+                if dtype.hasobject or math.prod(shape) * dtype.itemsize > member.file_size:
+                    raise ValueError(f"{member.filename} does not hold {shape} of {dtype}")
     with np.load(path, allow_pickle=False) as archive:
         return {name: archive[name] for name in archive.files}

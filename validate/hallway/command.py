@@ -57,6 +57,7 @@ def run(
     variant: Literal["llvm_ad_mono", "cuda_ad_mono", "scalar_rgb"] | None = None,
     real_walk: bool = True,
     dry_run: bool = False,
+    allow_outside: bool = False,
 ) -> int:
     """Predict and measure how strategies steer cameras at two people who pass each other.
 
@@ -72,6 +73,7 @@ def run(
         variant: Mitsuba's variant (default: LLVM if a libLLVM is found, else scalar).
         real_walk: whether to render and track the walk frame by frame as well, if the schedule asks for it.
         dry_run: say what would be done, and stop.
+        allow_outside: let files name others outside their folder (see "Files from others" in docs/scenes.md).
     """
     begin = time.perf_counter()
     # In a file or a pipe the tables keep their columns.
@@ -79,10 +81,10 @@ def run(
     overrides = list(set)
     overrides += [f"sweep.trials={trials}"] if trials is not None else []
     overrides += [f"sweep.seed={seed}"] if seed is not None else []
-    file = load_schedule(schedule, overrides)
+    file = load_schedule(schedule, overrides, allow_outside=allow_outside)
     own = dict(own_strategy(each) for each in strategy)
     strategies_of(file, own)  # raises what is wrong with them
-    stage = stage_of(file, load_scene(scene or file.scene_path, overrides))
+    stage = stage_of(file, load_scene(scene or file.scene_path, overrides, allow_outside=allow_outside))
     opened = open_store(store)
     chosen = backend.choose(variant)
     console.print(str(chosen), markup=False)
