@@ -8,6 +8,7 @@ integrator have no part in a backdrop. What else there is is passed over and nam
 from __future__ import annotations
 
 import math
+import os
 import xml.etree.ElementTree as ElementTree
 from collections import Counter
 from dataclasses import dataclass, replace
@@ -17,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import GeometryError, PSSError, RangeError, Sphere
+from pss.files import is_inside, read_bounded
 from pss.surrogates import Mesh
 from render.geometry import tile_sphere
 from render.reflectance import DEFAULT_ALBEDO, Reflectances
@@ -34,6 +36,18 @@ ABOUT_RENDERING = {"integrator", "sensor", "sampler", "film", "rfilter"}
 SPHERE_SUBDIVISIONS = 3
 DISK_CORNERS = 64
 
+# Ten thousand shapes with a matrix each.
+MOST_XML_BYTES = 4 * 2**20
+MOST_ELEMENTS = 100_000
+# Each is looked for in every value with a $.
+MOST_DEFAULTS = 100
+# Of a value with its defaults filled in: a spectrum of a thousand wavelengths.
+LONGEST_VALUE = 20_000
+# Each stands in the way of every line of sight.
+MOST_SHAPES = 1000
+# What all meshes of a scene may have together: more than a scene then takes of a backdrop.
+MOST_FACES = 1_000_000
+
 
 @dataclass(frozen=True)
 class Backdrop:
@@ -43,16 +57,21 @@ class Backdrop:
     warnings: tuple[str, ...]
 
 
-def read_backdrop(path: Path) -> Backdrop:
+def read_backdrop(path: Path, *, within: Path | None = None) -> Backdrop:
     """The shapes of the Mitsuba scene at `path`.
 
+    Args:
+        within: the folder in which all files that it names have to lie, symbolic links followed; None: anywhere.
+
     Raises:
-        RangeError: no such file, no XML, no Mitsuba scene, or a shape whose file or numbers are wrong.
+        RangeError: no such file, no XML, one with a document type, no Mitsuba scene, more of anything than is allowed,
+            or a shape whose file or numbers are wrong.
         GeometryError: it has no shape that is understood.
     """
     root = _root(path)
     passed: Counter[str] = Counter()
-    reflectances = Reflectances(root, path.parent)
+    reflectances = Reflectances(root, path.parent, within)
+    faces = 0
     parts: list[SceneObject] = []
     emitters = 0
     for element in root:
@@ -62,11 +81,18 @@ def read_backdrop(path: Path) -> Backdrop:
                 name = element.get("id") or f"{kind} {len(parts) + 1}"
                 emitters += sum(child.tag == "emitter" for child in element)
                 try:
-                    mesh = _shape(element, kind, f"backdrop {name}", path.parent)
-                except (ValueError, IndexError) as error:
-                    reason = str(error) if isinstance(error, PSSError) else f"a number is wrong ({error})"
-                    raise RangeError(f"shape {name!r}: {reason}") from error
-                parts.append(SceneObject(mesh, reflectances.of_shape(element, name)))
+                    mesh = _shape(element, kind, f"backdrop {name}", path.parent, within)
+                    albedo = reflectances.of_shape(element, name)
+                except (ValueError, IndexError, ArithmeticError) as error:
+                    reason = str(error) if isinstance(error, PSSError) else f"a number is wrong ({error!s:.60})"
+                    raise RangeError(f"shape {name!r:.60}: {reason}") from error
+                parts.append(SceneObject(mesh, albedo))
+                faces += len(mesh.faces)
+                if len(parts) > MOST_SHAPES or faces > MOST_FACES:
+                    raise RangeError(
+                        f"{len(parts)} shapes and more, of {faces} faces; allowed: at most {MOST_SHAPES} shapes and "
+                        f"{MOST_FACES} faces"
+                    )
             case "emitter":
                 emitters += 1
             case "default" | "bsdf" | "texture":
@@ -87,22 +113,40 @@ def read_backdrop(path: Path) -> Backdrop:
     return Backdrop(tuple(parts), tuple(warnings))
 
 
+class _PlainTree(ElementTree.TreeBuilder):
+    """Builds the tree, but refuses what a document type brings: entities that grow without end, or are files."""
+
+    def doctype(self, name: str, _public: str | None, _system: str | None) -> None:
+        raise RangeError(f"it has a document type, <!DOCTYPE {name:.60}>; allowed: XML without one, as Mitsuba writes")
+
+
 def _root(path: Path) -> Element:
+    if not os.path.isfile(path):
+        raise RangeError("there is no such file")
     try:
-        root = ElementTree.fromstring(path.read_bytes())
-    except FileNotFoundError:
-        raise RangeError("there is no such file") from None
+        content = read_bounded(path, MOST_XML_BYTES)
+        root = ElementTree.fromstring(content, ElementTree.XMLParser(target=_PlainTree()))
     except OSError as error:
         raise RangeError(f"cannot be read ({error.strerror})") from None
-    except ElementTree.ParseError as error:
+    except (ElementTree.ParseError, UnicodeError, LookupError) as error:
         raise RangeError(f"no XML ({error})") from None
     if root.tag != "scene":
-        raise RangeError(f"its root is <{root.tag}>; allowed: <scene>, as Mitsuba writes it")
+        raise RangeError(f"its root is <{root.tag:.60}>; allowed: <scene>, as Mitsuba writes it")
+    elements = sum(1 for _ in root.iter())
     defaults = {element.get("name", ""): element.get("value", "") for element in root.iter("default")}
+    for count, what, most in ((elements, "elements", MOST_ELEMENTS), (len(defaults), "defaults", MOST_DEFAULTS)):
+        if count > most:
+            raise RangeError(f"{count} {what}; allowed: at most {most}")
+    # Longer names first, so that $size does not take the place of $size_x.
+    names = sorted(defaults, key=len, reverse=True)
     for element in root.iter():
         for key, value in element.items():
-            # Longer names first, so that $size does not take the place of $size_x.
-            for name in sorted(defaults, key=len, reverse=True) if "$" in value else ():
+            for name in names if "$" in value else ():
+                # Defaults of defaults of defaults grow without end.
+                if len(value) + value.count(f"${name}") * len(defaults[name]) > LONGEST_VALUE:
+                    raise RangeError(
+                        f"${name:.60} makes a value of more than {LONGEST_VALUE} characters; allowed: as many"
+                    )
                 value = value.replace(f"${name}", defaults[name])
             element.set(key, value)
     return root
@@ -111,10 +155,12 @@ def _root(path: Path) -> Element:
 # ---- shapes ----------------------------------------------------------------------------------------------------------
 
 
-def _shape(element: Element, kind: str, name: str, folder: Path) -> Mesh:
+def _shape(element: Element, kind: str, name: str, folder: Path, within: Path | None) -> Mesh:
     match kind:
         case "obj" | "ply":
             file = next((child.get("value", "") for child in element if child.get("name") == "filename"), "")
+            if within is not None and not is_inside(folder / file, [within]):
+                raise RangeError(f"{file!r:.60} leads outside the scene's folder; allowed: a file in it or below")
             mesh = Mesh.from_file(folder / file, name=name)
         case "rectangle":
             mesh = Mesh(name, np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]), _fan(4))
@@ -131,10 +177,14 @@ def _shape(element: Element, kind: str, name: str, folder: Path) -> Mesh:
     for child in element:
         if child.tag == "transform" and child.get("name") == "to_world":
             for step in child:
-                matrix = _transform(step) @ matrix
-    moved = replace(mesh, vertices_m=mesh.vertices_m @ matrix[:3, :3].T + matrix[:3, 3])
+                with np.errstate(all="ignore"):
+                    matrix = _transform(step) @ matrix
+    # Numbers that are no longer finite are refused by the mesh.
+    with np.errstate(all="ignore"):
+        moved = replace(mesh, vertices_m=mesh.vertices_m @ matrix[:3, :3].T + matrix[:3, 3])
+        upright = np.linalg.det(matrix[:3, :3]) > 0
     # A mirror turns the outside in.
-    return moved if np.linalg.det(matrix[:3, :3]) > 0 else replace(moved, faces=moved.faces[:, ::-1])
+    return moved if upright else replace(moved, faces=moved.faces[:, ::-1])
 
 
 def _fan(corners: int) -> NDArray[np.int64]:

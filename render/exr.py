@@ -26,7 +26,8 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio
 
-from pss import ImageSensor, PSSError, PTZCamera
+from pss import ImageSensor, PSSError, PTZCamera, RangeError
+from render.images import one_line, open_image
 from render.view import RENDER_VERSION, Certificate, RenderedView, ViewRequest
 
 __all__ = ["ImageFileError", "read_certificate", "read_view", "write_view"]
@@ -97,15 +98,16 @@ def read_view(path: Path) -> RenderedView:
     """Read a view back: the same camera, sensor and images that were written.
 
     Raises:
-        ImageFileError: the file is missing, damaged, or lacks a header attribute.
+        ImageFileError: the file is missing, damaged, larger than `render.images` allows, or lacks a header attribute.
     """
     with _opened(path) as image:
         spec = image.spec()
         camera = PTZCamera(**_attribute(path, spec, "camera"))
         pixels = image.read_image(0, 0, 0, spec.nchannels, "float")
         if pixels is None:
-            raise ImageFileError(f"{path}: {image.geterror()}")
+            raise ImageFileError(f"{path}: {one_line(image.geterror())}")
         planes = {name: pixels[..., number] for number, name in enumerate(spec.channelnames)}
+        _check_planes(path, planes, camera, (spec.width, spec.height))
         return RenderedView(
             spec.get_string_attribute("pss:key"),
             camera,
@@ -115,7 +117,7 @@ def read_view(path: Path) -> RenderedView:
             np.dstack([planes[f"normal.{axis}"] for axis in "XYZ"]),
             planes["marker.id"].astype(np.int32),
             planes["capture.Y"].astype(np.uint16),
-            Certificate(**_attribute(path, spec, "certificate")),
+            _certificate(path, spec),
         )
 
 
@@ -126,7 +128,21 @@ def read_certificate(path: Path) -> Certificate:
         ImageFileError: as `read_view`, but for damage to the pixels.
     """
     with _opened(path) as image:
-        return Certificate(**_attribute(path, image.spec(), "certificate"))
+        return _certificate(path, image.spec())
+
+
+def _check_planes(path: Path, planes: dict[str, Any], camera: PTZCamera, size: tuple[int, int]) -> None:
+    """The image is as large as the camera's, and whole numbers are some."""
+    if tuple(camera.resolution) != size:
+        raise ImageFileError(
+            f"{path}: {size[0]} × {size[1]} pixels of a camera of {camera.resolution[0]} × {camera.resolution[1]}; "
+            "allowed are views that this project wrote"
+        )
+    for name, lowest, highest in (("marker.id", -1, 2**24), ("capture.Y", 0, 2**16 - 1)):
+        plane = planes[name]
+        # Written so that what is no number fails.
+        if not ((plane >= lowest) & (plane <= highest) & (plane == np.round(plane))).all():
+            raise ImageFileError(f"{path}: {name} holds what is no whole number from {lowest} to {highest}")
 
 
 @contextlib.contextmanager
@@ -135,21 +151,33 @@ def _opened(path: Path) -> Iterator[Any]:
 
     So a view of older code that a store may hold is made again, and not found to be unreadable when it is measured.
     """
-    image = oiio.ImageInput.open(str(path))
-    if image is None:
-        raise ImageFileError(f"{path}: {oiio.geterror()}")
+    try:
+        image = open_image(path)
+    except RangeError as error:
+        raise ImageFileError(f"{path}: {error}") from error
     try:
         if missing := set(CHANNELS) - set(image.spec().channelnames):
             raise ImageFileError(f"{path}: no channel {', '.join(sorted(missing))}; allowed are views of this version")
         yield image
-    except (KeyError, TypeError, ValueError) as error:
-        raise ImageFileError(f"{path}: {error}; allowed are views that this project wrote") from error
+    except (KeyError, TypeError, ValueError, ArithmeticError, RecursionError) as error:
+        raise ImageFileError(f"{path}: {one_line(str(error))}; allowed are views that this project wrote") from error
     finally:
         image.close()
+
+
+def _certificate(path: Path, spec: Any) -> Certificate:
+    said = _attribute(path, spec, "certificate")
+    for name, value in said.items():
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise ImageFileError(f"{path}: {name[:60]!r} of its certificate is {str(value)[:60]!r}; allowed: a number")
+    return Certificate(**said)
 
 
 def _attribute(path: Path, spec: Any, name: str) -> dict[str, Any]:
     text = spec.get_string_attribute(f"pss:{name}")
     if not text:
         raise ImageFileError(f"{path}: the header lacks pss:{name}; allowed are views that this project wrote")
-    return dict(json.loads(text))
+    content = json.loads(text)
+    if not isinstance(content, dict):
+        raise ImageFileError(f"{path}: pss:{name} is {text[:60]!r}; allowed are views that this project wrote")
+    return content

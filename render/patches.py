@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pss import Sphere
+from pss import GeometryError, Sphere
 from pss.surrogates import Mesh, Shape, any_blocks
 from render.geometry import Surface, lamps, surfaces, tile_sphere
 from render.meshes import MOST_MESH_PATCHES, mesh_patches, patches_wanted, shares
@@ -28,6 +28,8 @@ LAMP_PATCH_M = 0.1
 FINEST_PATCH_M = 0.05
 # The form factors are a dense matrix: a large board close to a wall must not make thousands of small patches.
 MOST_SPLIT_PATCHES = 1000
+# A matrix of that many takes 2 GB: an empty hall of 40 × 40 m has as many.
+MOST_PATCHES = 16_000
 SPHERE_PATCH_SUBDIVISIONS = 2
 ROOM_SURFACES = ("floor", "ceiling", "walls")
 # What stands before a patch is looked for from just above it, so that the patch's own surface is not found.
@@ -60,7 +62,11 @@ class Patches:
 
 
 def scene_patches(state: SceneState) -> Patches:
-    """The patches of all surfaces and lamps: meshes add at most `MOST_MESH_PATCHES`, splits `MOST_SPLIT_PATCHES`."""
+    """The patches of all surfaces and lamps: meshes add at most `MOST_MESH_PATCHES`, splits `MOST_SPLIT_PATCHES`.
+
+    Raises:
+        GeometryError: there are more than `MOST_PATCHES`.
+    """
     found = [*lamps(state), *surfaces(state)]
     meshes = [surface.shape for surface in found if isinstance(surface.shape, Mesh)]
     most = shares([patches_wanted(mesh, OBJECT_PATCH_M) for mesh in meshes], MOST_MESH_PATCHES)
@@ -80,6 +86,9 @@ def scene_patches(state: SceneState) -> Patches:
         centres.append(middles)
         albedo.append(surface.albedo * reflecting)
         emitted.append(np.full(len(these), np.pi * surface.radiance))
+    count = sum(len(these) for these in corners)
+    if count > MOST_PATCHES:
+        raise GeometryError(f"the scene's surfaces make {count} patches of light; allowed: at most {MOST_PATCHES}")
     return Patches(*(np.concatenate(parts) for parts in (corners, centres, albedo, emitted)))
 
 

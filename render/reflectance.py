@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import math
+import os
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import numpy as np
+
+from pss import PSSError, RangeError
+from pss.files import is_inside
 
 __all__ = ["DEFAULT_ALBEDO", "Reflectances"]
 
@@ -16,25 +21,38 @@ DEFAULT_ALBEDO = 0.5
 CHECKERS = {"color0": 0.4, "color1": 0.2}
 # Luminance of linear Rec. 709, as Mitsuba's variants of one channel take it.
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+# A checkerboard in two-sided plaster is four deep. References may lead round in a circle, or double at each step.
+DEEPEST = 8
+# Of textures: their endings choose among the many readers of images.
+TEXTURES = (".png", ".jpg", ".jpeg", ".exr", ".hdr", ".bmp", ".tga", ".ppm", ".pgm")
 
 
 class Reflectances:
-    """The reflectances of a file, whose textures lie in `folder`.
+    """The reflectances of a file, whose textures lie in `folder`, and in `within` (None: anywhere).
 
     `guessed` names the shapes that got the default, since their bsdf is no diffuse one that is understood.
     """
 
-    def __init__(self, root: Element, folder: Path) -> None:
+    def __init__(self, root: Element, folder: Path, within: Path | None = None) -> None:
         self.guessed: list[str] = []
-        self._folder = folder
+        self._folder, self._within = folder, within
+        self._means: dict[tuple[str, bool], float] = {}
         self._named = {element.get("id"): element for element in root.iter() if element.tag != "ref"}
 
     def of_shape(self, shape: Element, name: str) -> float:
-        """The albedo of a shape, 0 to 1; Mitsuba's default of 0.5 if it has no bsdf."""
+        """The albedo of a shape, 0 to 1; Mitsuba's default of 0.5 if it has no bsdf.
+
+        Raises:
+            RangeError: a texture that lies outside, or is too large.
+        """
         bsdf = self._child(shape, "bsdf")
         try:
-            albedo = DEFAULT_ALBEDO if bsdf is None else self._of_bsdf(bsdf)
-        except (ValueError, OSError):
+            albedo = DEFAULT_ALBEDO if bsdf is None else self._of_bsdf(bsdf, DEEPEST)
+            if not math.isfinite(albedo):
+                raise ValueError("no number")
+        except PSSError:
+            raise
+        except (ValueError, OSError, ArithmeticError, IndexError):
             self.guessed.append(name)
             albedo = DEFAULT_ALBEDO
         return float(np.clip(albedo, 0.0, 1.0))
@@ -47,25 +65,30 @@ class Reflectances:
                 return found
         return None
 
-    def _of_bsdf(self, bsdf: Element) -> float:
+    def _of_bsdf(self, bsdf: Element, deepest: int) -> float:
+        if deepest == 0:
+            raise ValueError("references without end")
         match bsdf.get("type"):
             case "twosided":
                 inner = self._child(bsdf, "bsdf")
                 if inner is None:
                     raise ValueError("two-sided nothing")
-                return self._of_bsdf(inner)
+                return self._of_bsdf(inner, deepest - 1)
             case "diffuse":
-                return self._value(bsdf, "reflectance", DEFAULT_ALBEDO)
+                return self._value(bsdf, "reflectance", DEFAULT_ALBEDO, deepest - 1)
         raise ValueError("not diffuse")
 
-    def _value(self, owner: Element, name: str, default: float) -> float:
+    def _value(self, owner: Element, name: str, default: float, deepest: int) -> float:
+        if deepest == 0:
+            raise ValueError("references without end")
         value = self._child(owner, "rgb", "srgb", "spectrum", "float", "texture", name=name)
         if value is None:
             return default
         text = value.get("value", "")
         match value.tag, value.get("type"):
             case ("texture", "checkerboard"):
-                return sum(self._value(value, key, shade) for key, shade in CHECKERS.items()) / len(CHECKERS)
+                shades = [self._value(value, key, shade, deepest - 1) for key, shade in CHECKERS.items()]
+                return sum(shades) / len(shades)
             case ("texture", "bitmap"):
                 return self._mean_of_image(value)
             case ("texture", _):
@@ -80,17 +103,36 @@ class Reflectances:
         return float(np.array(numbers) @ LUMINANCE) if len(numbers) == 3 else float(*numbers)
 
     def _mean_of_image(self, texture: Element) -> float:
-        import OpenImageIO as oiio
-
         named = {child.get("name"): child.get("value", "") for child in texture}
-        image = oiio.ImageBuf(str(self._folder / named.get("filename", "")))
-        pixels = image.get_pixels(oiio.FLOAT) if image.initialized else None
+        file, raw = named.get("filename", ""), named.get("raw") == "true"
+        if (file, raw) not in self._means:
+            path = self._folder / file
+            if self._within is not None and not is_inside(path, [self._within]):
+                raise RangeError(f"texture {file!r:.60} leads outside the scene's folder; allowed: a file in it")
+            if path.suffix.lower() not in TEXTURES or not os.path.isfile(path):
+                raise OSError("no image")
+            self._means[file, raw] = _mean(path, raw)
+        return self._means[file, raw]
+
+
+def _mean(path: Path, raw: bool) -> float:
+    """The mean luminance of an image; `raw`: its numbers are linear, whatever their type."""
+    # Imported late: most backdrops have no textures.
+    import OpenImageIO as oiio
+
+    from render.images import open_image
+
+    image = open_image(path)
+    try:
+        pixels = image.read_image(0, 0, 0, image.spec().nchannels, oiio.FLOAT)
         if pixels is None:
             raise OSError(image.geterror())
-        if image.spec().format == oiio.UINT8 and named.get("raw") != "true":
+        if image.spec().format == oiio.UINT8 and not raw:
             pixels = _linear(pixels)
-        mean = pixels.reshape(-1, pixels.shape[-1]).mean(axis=0, dtype=float)
-        return float(mean[:3] @ LUMINANCE if len(mean) >= 3 else mean[0])
+    finally:
+        image.close()
+    mean = pixels.reshape(-1, pixels.shape[-1]).mean(axis=0, dtype=float)
+    return float(mean[:3] @ LUMINANCE if len(mean) >= 3 else mean[0])
 
 
 def _linear(encoded: np.ndarray) -> np.ndarray:

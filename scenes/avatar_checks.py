@@ -23,6 +23,8 @@ __all__ = ["check_avatars", "check_suit"]
 
 # What the user is told about the largest module is rounded down to this.
 MODULE_STEP_MM = 0.1
+# No module of this size fits on anybody.
+LARGEST_MODULE_MM = 1000.0
 
 
 def check_avatars(draft: SceneSpec, problems: Problems) -> None:
@@ -106,7 +108,7 @@ def _fit(stance: Stance, key: str, module_mm: float, side_modules: float) -> boo
 
 def _largest_mm(stance: Stance, key: str, module_mm: float, side_modules: float) -> float:
     """Millimetres, below `module_mm`, which does not fit, the largest module that does; 0 if none does."""
-    low, high = 0, math.ceil(module_mm / MODULE_STEP_MM)
+    low, high = 0, math.ceil(min(module_mm, LARGEST_MODULE_MM) / MODULE_STEP_MM)
     while high - low > 1:
         middle = (low + high) // 2
         low, high = (middle, high) if _fit(stance, key, middle * MODULE_STEP_MM, side_modules) else (low, middle)

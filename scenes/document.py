@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import copy
-import re
 import tomllib
 from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, TypeVar
 
+import pss.files
+from pss import RangeError
 from scenes.errors import Location, Problems, SceneError, dotted, item_label, nearest, shown
 from scenes.spec import Spec, allowed_keys, child_tables, narrowed, validate
 
@@ -33,23 +34,13 @@ def read_toml(path: Path) -> dict[str, Any]:
     """The document in the file at `path`.
 
     Raises:
-        SceneError: one line, if the file is not there, cannot be read or is no TOML (then with line and column).
+        SceneError: one line, if the file is not there, cannot be read, is too large or too deep (`pss.files.read_toml`)
+            or no TOML (then with line and column).
     """
     try:
-        text = path.read_bytes().decode("utf-8")
-        return tomllib.loads(text)
-    except FileNotFoundError:
-        raise SceneError([f"{path}: there is no such file"]) from None
-    except UnicodeDecodeError as error:
-        raise SceneError([f"{path}: byte {error.start} is no UTF-8, which TOML must be"]) from None
-    except OSError as error:
-        raise SceneError([f"{path}: {error.strerror}"]) from None
-    except tomllib.TOMLDecodeError as error:
-        reason, _, place = str(error).rpartition(" (at ")
-        found = re.fullmatch(r"line (\d+), column (\d+)\)", place)
-        lines = text.split("\n")
-        line, column = found.groups() if found else (len(lines), len(lines[-1]) + 1)
-        raise SceneError([f"{path}: line {line}, column {column}: {reason or error}"]) from None
+        return pss.files.read_toml(path)
+    except RangeError as error:
+        raise SceneError([str(error)]) from None
 
 
 def named_file(path_or_name: str | Path, folder: Path, kind: str) -> Path:
@@ -103,7 +94,13 @@ def apply_overrides(model: type[Spec], overrides: Iterable[str], problems: Probl
         if not equals or not key:
             problems.say(f"override {shown(override)}; allowed: key=value, such as cameras.2.zoom=4")
             continue
-        set_value(model, key, _parsed(text), problems)
+        value = _parsed(text)
+        try:
+            pss.files.check_values({key: value})
+        except RangeError as error:
+            problems.say(f"override {shown(override)}; {error}")
+            continue
+        set_value(model, key, value, problems)
 
 
 def set_value(model: type[Spec], key: str, value: object, problems: Problems) -> None:
@@ -122,7 +119,7 @@ def _parsed(text: str) -> object:
     """The TOML value that `text` is, or else the text itself, so that names need no quotes in a shell."""
     try:
         document = tomllib.loads(f"value = {text}")
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):
         return text
     return document["value"] if set(document) == {"value"} else text
 

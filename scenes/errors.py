@@ -17,6 +17,8 @@ Location = tuple[str | int, ...]
 
 # A longer value would push what is allowed out of sight.
 LONGEST_VALUE = 70
+# More lines than anybody reads; a file of half a megabyte can have a hundred thousand mistakes.
+MOST_PROBLEMS = 200
 
 ABSENT = object()
 
@@ -25,7 +27,7 @@ class SceneError(PSSError, ValueError):
     """A scene or sweep file that cannot be used; `problems` has one line for each thing to mend."""
 
     def __init__(self, problems: Iterable[str]) -> None:
-        self.problems: list[str] = list(problems)
+        self.problems: list[str] = [_printable(problem) for problem in problems]
         super().__init__(self.problems)
 
     def __str__(self) -> str:
@@ -49,6 +51,8 @@ class Problems:
 
     def add(self, location: Location, allowed: str, *, value: object = ABSENT) -> None:
         """Report what stands at `location` (or `value`, a part of it); a key that is not there is reported missing."""
+        if len(self.lines) > MOST_PROBLEMS:
+            return
         if value is ABSENT:
             value = _value_at(self.document, location)
         key = dotted(location, self.document)
@@ -60,6 +64,8 @@ class Problems:
 
     def unknown_key(self, location: Location, allowed: Sequence[str]) -> None:
         """Report a key that has no meaning, with the nearest one that has."""
+        if len(self.lines) > MOST_PROBLEMS:
+            return
         # A misspelt key is one mistake, although its right spelling is then missing too: one line for both.
         hint, guess = nearest(str(location[-1]), allowed)
         if guess:
@@ -69,16 +75,18 @@ class Problems:
         self.say(f"{dotted(location, self.document)}{said}; unknown key{hint}; allowed: {', '.join(allowed)}")
 
     def say(self, text: str) -> None:
-        """Add a line about the file, once."""
+        """Add a line about the file, once; of very many only the first."""
         line = f"{self.file}: {text}"
-        if line not in self.lines:
+        if len(self.lines) == MOST_PROBLEMS:
+            line = f"{self.file}: there are more problems; these are the first {MOST_PROBLEMS}"
+        if len(self.lines) <= MOST_PROBLEMS and line not in self.lines:
             self.lines.append(line)
 
     def warn(self, location: Location, text: str) -> None:
         """Note what is accepted at `location`, but not as the user may think."""
         said = f"{dotted(location, self.document)} = {shown(_value_at(self.document, location))}"
-        line = f"{self.file}: warning: {said}; {text}"
-        if line not in self.warnings:
+        line = _printable(f"{self.file}: warning: {said}; {text}")
+        if line not in self.warnings and len(self.warnings) < MOST_PROBLEMS:
             self.warnings.append(line)
 
     def raise_if_any(self) -> None:
@@ -108,7 +116,8 @@ def dotted(location: Location, document: object) -> str:
     """The dotted key of `location`: items of a list go by their name, or by their number from #1 if they have none."""
     parts, here = [], document
     for step in location:
-        parts.append(item_label(here, step) if isinstance(step, int) else step)
+        part = item_label(here, step) if isinstance(step, int) else step
+        parts.append(part if len(part) <= LONGEST_VALUE else part[: LONGEST_VALUE - 1] + "…")
         here = _value_at(here, (step,))
     return ".".join(parts)
 
@@ -118,6 +127,13 @@ def item_label(items: object, index: int) -> str:
     names = [item.get("name") if isinstance(item, dict) else None for item in items] if isinstance(items, list) else []
     name = names[index] if index < len(names) else None
     return name if isinstance(name, str) and names.count(name) == 1 else f"#{index + 1}"
+
+
+def _printable(text: str) -> str:
+    """`text` in one line: what would break it, or speak to the terminal, as an escape."""
+    if text.isprintable():
+        return text
+    return "".join(char if char.isprintable() else char.encode("unicode_escape").decode() for char in text)
 
 
 def _value_at(document: object, location: Location) -> object:

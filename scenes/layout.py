@@ -34,6 +34,7 @@ TOUCHING = 1e-9
 SAME_PLANE_M = 0.01
 # What the user is told about the largest module is rounded down to this.
 MODULE_STEP_M = 1e-6
+MODULE_STEP_SHARE = 1e-9
 
 
 def plate_side_m(module_m: float, dictionary: Dictionary, quiet_zone_modules: float) -> float:
@@ -149,7 +150,8 @@ def largest_spiral_module_m(shape: Sphere, spec: SpiralSpec, side_modules: float
     low, high = 0.0, min(fits, spec.module_mm * 1e-3)
     if apart(high):
         return high
-    while high - low > MODULE_STEP_M:
+    # For a ball of millions of kilometres the step is finer than numbers are.
+    while high - low > max(MODULE_STEP_M, MODULE_STEP_SHARE * high):
         middle = (low + high) / 2
         low, high = (middle, high) if apart(middle) else (low, middle)
     return low

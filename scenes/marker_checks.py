@@ -88,7 +88,8 @@ def _groups_on_objects(draft: SceneSpec, side_modules: float | None, problems: P
         if not known(spec.first_id, *counts):
             continue
         number_key = "rows" if isinstance(spec, GridSpec) else "count"
-        number = counts[0] * (counts[1] if len(counts) > 1 else 1)
+        # One too many is enough to know; a range may not have as many as two whole numbers multiply to.
+        number = min(counts[0] * (counts[1] if len(counts) > 1 else 1), MOST_IDS + 1)
         shape, markers = shape_of(item), ()
         # No dictionary has more: a slip of a zero is reported by the check of ids, not by running out of memory.
         if isinstance(item, MeshSpec):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import os
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from pss.surrogates import Mesh
 from render.backdrop import read_backdrop
 from render.meshes import skin
 from scenes.errors import Location, Problems, shown
+from scenes.inside import may_open
 from scenes.mesh_schema import BackdropSpec, MeshSpec
 from scenes.schema import SceneSpec
 
@@ -23,17 +25,33 @@ Floats = NDArray[np.float64]
 
 # More faces take minutes to light and a second to hash.
 MOST_FACES = 200_000
+# Of all meshes of a scene together: each is read, and asked what it hides.
+MOST_FACES_IN_ALL = 1_000_000
 # What is wider than this, or than the room, was most likely drawn in millimetres.
 WIDEST_M = 20.0
 
 
-def read_files(draft: SceneSpec, folder: Path, problems: Problems) -> None:
-    """Read every file that `draft` names, from `folder`, and keep what is in it beside its key."""
+def read_files(draft: SceneSpec, folder: Path, problems: Problems, *, allow_outside: bool = False) -> None:
+    """Read every file that `draft` names, from `folder`, and keep what is in it beside its key.
+
+    Files outside `folder` are problems, unless `allow_outside`.
+    """
+    left = MOST_FACES_IN_ALL
     for index, item in enumerate(draft.objects or ()):
-        if isinstance(item, MeshSpec):
-            _read_mesh(item, ("objects", index), draft, folder, problems)
-    if isinstance(draft.backdrop, BackdropSpec):
-        _read_backdrop(draft.backdrop, draft, folder, problems)
+        if not isinstance(item, MeshSpec) or item.file is None:
+            continue
+        place: Location = ("objects", index)
+        if left < 0:
+            return
+        if may_open(item.file, (*place, "file"), folder, allow_outside, problems):
+            left -= _read_mesh(item, place, draft, folder, problems)
+            if left < 0:
+                problems.add((*place, "file"), f"at most {MOST_FACES_IN_ALL} faces in all meshes of the scene")
+    backdrop = draft.backdrop
+    if not isinstance(backdrop, BackdropSpec) or backdrop.file is None:
+        return
+    if may_open(backdrop.file, ("backdrop", "file"), folder, allow_outside, problems):
+        _read_backdrop(backdrop, draft, folder, allow_outside, problems)
 
 
 def posed(
@@ -64,28 +82,29 @@ def holds(mesh: Mesh, point_m: Floats) -> bool:
     return bool(2 * np.arctan2(volume, spread).sum() > 2 * math.pi)
 
 
-def _read_mesh(item: MeshSpec, place: Location, draft: SceneSpec, folder: Path, problems: Problems) -> None:
-    if item.file is None:
-        return
-    path = folder / item.file
-    if not path.is_file():
+def _read_mesh(item: MeshSpec, place: Location, draft: SceneSpec, folder: Path, problems: Problems) -> int:
+    """How many faces the file has, 0 if it cannot be read."""
+    path = folder / str(item.file)
+    if not os.path.isfile(path):
         problems.add((*place, "file"), "the path of a mesh (GLB, OBJ, PLY, STL, OFF), from this file; there is none")
-        return
+        return 0
     try:
         mesh = Mesh.from_file(path, name=item.name or "", scale=item.scale or 1.0)
     except PSSError as error:
         # The path stands before it already.
         reason = str(error).replace(f"{str(path)!r} ", "")
         problems.add((*place, "file"), f"a mesh with triangles (GLB, OBJ, PLY, STL, OFF); this {reason}")
-        return
-    if len(mesh.faces) > MOST_FACES:
-        problems.add((*place, "file"), f"at most {MOST_FACES} faces; this mesh has {len(mesh.faces)}")
-        return
+        return 0
+    faces = len(mesh.faces)
+    if faces > MOST_FACES:
+        problems.add((*place, "file"), f"at most {MOST_FACES} faces; this mesh has {faces}")
+        return faces
     if not _fits(mesh.vertices_m, place, draft, problems) or item.scale is None:
-        return
+        return faces
     _warn_of_sides(mesh, place, problems)
     if None not in (item.name, item.position_m, item.turn_deg, item.tilt_deg, item.roll_deg):
         item._mesh = posed(mesh, item.position_m, item.turn_deg, item.tilt_deg, item.roll_deg)
+    return faces
 
 
 def _fits(vertices_m: Floats, place: Location, draft: SceneSpec, problems: Problems) -> bool:
@@ -113,12 +132,12 @@ def _warn_of_sides(mesh: Mesh, place: Location, problems: Problems) -> None:
         problems.warn((*place, "file"), f"{sides.turned} of {count} faces are wound inside out, and were turned")
 
 
-def _read_backdrop(item: BackdropSpec, draft: SceneSpec, folder: Path, problems: Problems) -> None:
+def _read_backdrop(item: BackdropSpec, draft: SceneSpec, folder: Path, allow_outside: bool, problems: Problems) -> None:
     place: Location = ("backdrop",)
     if None in (item.file, item.position_m, item.turn_deg, item.scale, item.up):
         return
     try:
-        backdrop = read_backdrop(folder / item.file)
+        backdrop = read_backdrop(folder / str(item.file), within=None if allow_outside else folder)
     except PSSError as error:
         problems.add((*place, "file"), f"a Mitsuba scene (XML) with shapes; {error}")
         return

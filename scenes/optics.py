@@ -6,6 +6,7 @@ import math
 
 from pss import PTZCamera, RangeError
 from pss.camera import MOST_BLADES
+from render.images import MOST_PIXELS
 from scenes.errors import Location, Problems, allowed_in
 from scenes.schema import CameraSpec, SceneSpec
 from scenes.spec import known, present
@@ -27,6 +28,8 @@ def check_optics(draft: SceneSpec, problems: Problems) -> None:
 
 def _check_sensor(draft: SceneSpec, problems: Problems) -> None:
     sensor = draft.sensor
+    if sensor is not None and known(sensor.resolution_px) and math.prod(sensor.resolution_px) > MOST_PIXELS:
+        problems.add(("sensor", "resolution_px"), f"at most {MOST_PIXELS} pixels in all")
     if sensor is not None and known(sensor.bits, sensor.black_level_dn):
         highest = 2**sensor.bits - 2
         if sensor.black_level_dn > highest:

@@ -82,6 +82,7 @@ class Scene:
     _spec: SceneSpec = field(repr=False)
     warnings: tuple[str, ...] = ()
     auto_exposure: AutoExposure | None = None
+    _allow_outside: bool = field(default=False, repr=False)
 
     def camera(self, name: str) -> PTZCamera:
         """The camera called `name`.
@@ -118,18 +119,22 @@ class Scene:
         problems = Problems(self.path, self.resolved())
         for key, value in settings.items():
             set_value(SceneSpec, key, value, problems)
-        return _scene(self.path, problems)
+        return _scene(self.path, problems, self._allow_outside)
 
     def resolved(self) -> dict[str, Any]:
         """The file's contents with overrides and defaults filled in: plain, JSON-serialisable, a valid scene itself."""
         return self._spec.model_dump(mode="json", by_alias=True, exclude_none=True)
 
 
-def load_scene(path: str | Path, overrides: Iterable[str] = ()) -> Scene:
+def load_scene(path: str | Path, overrides: Iterable[str] = (), *, allow_outside: bool = False) -> Scene:
     """The scene in the TOML file at `path`, after `overrides` such as "cameras.2.zoom=4".
 
     Items of a list are addressed by name, or by number from "#1" if they have none. Overrides that begin with "sweep."
     belong to the sweep file and are passed over, so that one list of them can be given to both.
+
+    Args:
+        allow_outside: whether the file, and a backdrop that it names, may name files outside its folder, symbolic links
+            followed; if not, each is a problem.
 
     Raises:
         SceneError: with every problem of the file and the overrides, a line each.
@@ -137,14 +142,14 @@ def load_scene(path: str | Path, overrides: Iterable[str] = ()) -> Scene:
     path = Path(path)
     problems = Problems(path, read_toml(path))
     apply_overrides(SceneSpec, (o for o in overrides if not o.strip().startswith(SWEEP_PREFIX)), problems)
-    return _scene(path, problems)
+    return _scene(path, problems, allow_outside)
 
 
-def _scene(path: Path, problems: Problems) -> Scene:
+def _scene(path: Path, problems: Problems, allow_outside: bool) -> Scene:
     """The scene of a document, all of whose problems are raised."""
     start_from_named_sensor(problems)
     spec, draft = validate(SceneSpec, problems.document, problems)
-    read_files(draft, path.parent, problems)
+    read_files(draft, path.parent, problems, allow_outside=allow_outside)
     check_scene(draft, problems)
     check_markers(draft, problems)
     problems.raise_if_any()
@@ -162,6 +167,7 @@ def _scene(path: Path, problems: Problems) -> Scene:
         _spec=spec,
         warnings=tuple(problems.warnings),
         auto_exposure=_auto_exposure(spec),
+        _allow_outside=allow_outside,
     )
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import Field
 
 from scenes.errors import Problems, SceneError
+from scenes.limits import MOST_CAMERAS, MOST_STEPS
 from scenes.spec import Name, Number, Spec
 
 if TYPE_CHECKING:
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 
 __all__ = ["SceneStepsSpec", "check_steps", "scenes_of_steps"]
 
-Names = Annotated[tuple[Name, ...], Field(min_length=1)]
+Names = Annotated[tuple[Name, ...], Field(min_length=1, max_length=MOST_CAMERAS)]
 
 
 class SceneStepsSpec(Spec):
@@ -23,7 +24,10 @@ class SceneStepsSpec(Spec):
 
     parameter: Literal["scene"]
     axis: Annotated[Name, Field(description="text of letters, digits, spaces, - and _: what the values are of")]
-    values: Annotated[tuple[Number, ...], Field(min_length=1, description="a list of one or more numbers")]
+    values: Annotated[
+        tuple[Number, ...],
+        Field(min_length=1, max_length=MOST_STEPS, description=f"a list of one or more numbers, at most {MOST_STEPS}"),
+    ]
     set: Annotated[
         dict[str, Any],
         Field(

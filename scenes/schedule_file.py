@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,8 +10,11 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from scenes.document import check_once, named_file, read_spec
+from scenes.errors import Location, Problems
+from scenes.inside import scene_of
+from scenes.limits import LONGEST_TITLE, MOST_FRAMES, MOST_RUNS, MOST_STEPS, MOST_TRIALS
 from scenes.quantities import Metres
-from scenes.spec import Name, Number, Positive, Spec
+from scenes.spec import Name, Number, Positive, Spec, known
 
 __all__ = [
     "SURROGATES",
@@ -37,13 +39,17 @@ Range = Annotated[tuple[Number, Number], Field(description="[lowest, highest], i
 PerSecond = Annotated[Positive, Field(description="a number above 0, each second")]
 Rate = Annotated[Positive, Field(description="a number above 0, in frames a second")]
 Density = Annotated[Positive, Field(description="a number above 0, in m²/s³")]
-Trials = Annotated[int, Field(strict=True, ge=2, description="a whole number, 2 or more")]
+Trials = Annotated[
+    int, Field(strict=True, ge=2, le=MOST_TRIALS, description=f"a whole number, 2 or more, at most {MOST_TRIALS}")
+]
 
 
 class WalkSpec(Spec):
     """[walk]: two straight lanes along y, walked in opposite directions."""
 
-    steps: Annotated[int, Field(strict=True, ge=3, description="a whole number, 3 or more")] = 21
+    steps: Annotated[
+        int, Field(strict=True, ge=3, le=MOST_STEPS, description=f"a whole number, 3 or more, at most {MOST_STEPS}")
+    ] = 21
     reach_m: Metres = 4.0
     lane_m: Metres = 0.6
     speed_m_per_s: Annotated[Positive, Field(description="a number above 0, in metres per second")] = 1.2
@@ -100,13 +106,19 @@ class ScheduleSpec(Spec):
     """A whole schedule file; `scene` is a path from where the file is."""
 
     scene: Annotated[str, Field(strict=True, min_length=1, description="the path of a scene file, from this file")]
-    title: Annotated[str, Field(strict=True, min_length=1, description="text")]
+    title: Annotated[
+        str,
+        Field(
+            strict=True, min_length=1, max_length=LONGEST_TITLE, description=f"text, {LONGEST_TITLE} characters at most"
+        ),
+    ]
     strategies: Annotated[
-        tuple[Name, ...], Field(min_length=1, description="a list of one or more names of strategies")
+        tuple[Name, ...],
+        Field(min_length=1, max_length=MOST_RUNS, description=f"a list of one to {MOST_RUNS} names of strategies"),
     ]
     zoom_limits: Annotated[
         tuple[Annotated[Number, Field(ge=1)] | Literal[UNLIMITED], ...],
-        Field(min_length=1, description=f'a list of numbers, 1 or more, or "{UNLIMITED}"'),
+        Field(min_length=1, max_length=MOST_RUNS, description=f'a list of numbers, 1 or more, or "{UNLIMITED}"'),
     ] = (UNLIMITED,)
     surrogate: Annotated[Literal[SURROGATES], Field(description=f"one of {', '.join(SURROGATES)}")] = "cylinder"
     search: Annotated[Literal["plain", "thorough"], Field(description="plain or thorough")] = "thorough"
@@ -149,10 +161,15 @@ class ScheduleFile:
         return self.said.model_dump(mode="json", by_alias=True, exclude_none=True)
 
 
-def load_schedule(path_or_name: str | Path, overrides: Iterable[str] = ()) -> ScheduleFile:
+def load_schedule(
+    path_or_name: str | Path, overrides: Iterable[str] = (), *, allow_outside: bool = False
+) -> ScheduleFile:
     """The schedule in the TOML file at a path, or of a name among those that come with the project ("hallway").
 
     Of `overrides` those count that begin with "sweep.", such as "sweep.walk.steps=11".
+
+    Args:
+        allow_outside: whether it may name a scene anywhere; if not, `scenes.inside.scene_of` says where.
 
     Raises:
         SceneError: with every problem of the file and the overrides, a line each.
@@ -161,6 +178,26 @@ def load_schedule(path_or_name: str | Path, overrides: Iterable[str] = ()) -> Sc
     spec, draft, problems = read_spec(ScheduleSpec, path, overrides)
     check_once(("strategies",), draft.strategies, problems)
     check_once(("zoom_limits",), draft.zoom_limits, problems)
+    _check_frames(draft, problems)
+    scene_path = scene_of(path, draft.scene, allow_outside, problems)
     problems.raise_if_any()
     assert spec is not None  # no problem, so pydantic had none
-    return ScheduleFile(path.stem, path, Path(os.path.normpath(path.parent / spec.scene)), spec)
+    return ScheduleFile(path.stem, path, scene_path, spec)
+
+
+def _check_frames(draft: ScheduleSpec, problems: Problems) -> None:
+    """No walk takes more frames than a run can hold."""
+    walk = draft.walk
+    if walk is None or not known(walk.reach_m, walk.speed_m_per_s):
+        return
+    rates: list[tuple[Location, float | None]] = [
+        (("tracking", "frame_rate_hz"), draft.tracking and draft.tracking.frame_rate_hz),
+        (("process", "frame_rate_hz"), draft.process and draft.process.frame_rate_hz),
+        (("real_walk", "frames_per_s"), draft.real_walk and draft.real_walk.frames_per_s),
+    ]
+    # Not divided by the speed, which may be next to nothing.
+    fastest = MOST_FRAMES * walk.speed_m_per_s / 2
+    for place, rate in rates:
+        if rate is not None and rate * walk.reach_m > fastest:
+            reason = f"at most {MOST_FRAMES} frames on the way of the walk, at its reach_m and speed_m_per_s"
+            problems.add(place, reason, value=rate)

@@ -18,6 +18,7 @@ from pss.photometry import LARGEST_PRNU_SHARE
 from render.exposure import AutoExposure
 from scenes.avatar_schema import AvatarSpec
 from scenes.dictionaries import DICTIONARIES
+from scenes.limits import LONGEST_ROOM_M, MOST_CAMERAS, MOST_OBJECTS, MOST_PANELS, MOST_PLACED
 from scenes.mesh_schema import BackdropSpec, MeshSpec
 from scenes.motion_schema import MovingSpec
 from scenes.quantities import Albedo, Degrees, Direction, MarkerId, Metres, Millimetres, Point
@@ -46,12 +47,17 @@ PixelCount = Annotated[int, Field(strict=True, ge=16, le=20000)]
 TILT = f"a number from -{MAX_ABS_TILT_DEG} to {MAX_ABS_TILT_DEG}, in degrees"
 
 
+RoomSide = Annotated[
+    Positive, Field(le=LONGEST_ROOM_M, description=f"a number above 0, in metres, at most {LONGEST_ROOM_M:g}")
+]
+
+
 class RoomSpec(Spec):
     """[room]: centred on x = y = 0, its floor at z = 0."""
 
-    width_m: Metres
-    length_m: Metres
-    height_m: Metres
+    width_m: RoomSide
+    length_m: RoomSide
+    height_m: RoomSide
     wall_albedo: Albedo
     floor_albedo: Albedo
     ceiling_albedo: Albedo
@@ -69,8 +75,8 @@ class LightSpec(Spec):
 
     kind: Annotated[Literal["ambient", "ring"], Field(description='"ambient" or "ring"')] = "ambient"
     radiance_w_per_m2_sr: Positive | None = Field(None, description="a number above 0, in W/(m² sr), of the panels")
-    panels: Annotated[tuple[Annotated[PanelSpec, Item], ...], Field(min_length=1)] | None = Field(
-        None, description="at least one { centre_m, size_m }"
+    panels: Annotated[tuple[Annotated[PanelSpec, Item], ...], Field(min_length=1, max_length=MOST_PANELS)] | None = (
+        Field(None, description=f"at least one {{ centre_m, size_m }}, at most {MOST_PANELS}")
     )
     ring_w_per_sr: Positive | None = Field(None, description="a number above 0, in W/sr, of each camera's ring light")
 
@@ -173,7 +179,7 @@ class MarkersSpec(Spec):
     quiet_zone_modules: Annotated[Number, Field(ge=0, description="a number, 0 or more, in modules")]
     white_albedo: Albedo
     black_albedo: Albedo
-    placed: tuple[Annotated[PlacedSpec, Item], ...] = ()
+    placed: Annotated[tuple[Annotated[PlacedSpec, Item], ...], Field(max_length=MOST_PLACED)] = ()
 
 
 class GridSpec(Spec):
@@ -281,9 +287,9 @@ class SceneSpec(Spec):
     light: LightSpec
     sensor: SensorSpec
     lens: LensSpec
-    cameras: Annotated[tuple[Annotated[CameraSpec, Item], ...], Field(min_length=1)]
+    cameras: Annotated[tuple[Annotated[CameraSpec, Item], ...], Field(min_length=1, max_length=MOST_CAMERAS)]
     markers: MarkersSpec
-    objects: Annotated[tuple[Annotated[ObjectSpec, Item], ...], Field(min_length=1)]
+    objects: Annotated[tuple[Annotated[ObjectSpec, Item], ...], Field(min_length=1, max_length=MOST_OBJECTS)]
     backdrop: BackdropSpec | None = None
     process: ProcessSpec
     noise: NoiseSpec

@@ -25,6 +25,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from scenes.errors import Location, Problems
+from scenes.limits import LONGEST_NAME
 
 __all__ = [
     "Count",
@@ -99,7 +100,13 @@ Positive = Annotated[Number, Field(gt=0, description="a number above 0")]
 Count = Annotated[int, Field(strict=True, ge=1, description="a whole number, 1 or more")]
 # Dots part the keys of an override, and commas the columns of a table.
 Name = Annotated[
-    str, Field(strict=True, pattern=r"^\w[\w -]*$", description="text of letters, digits, spaces, - and _")
+    str,
+    Field(
+        strict=True,
+        max_length=LONGEST_NAME,
+        pattern=r"^\w[\w -]*$",
+        description=f"text of letters, digits, spaces, - and _, {LONGEST_NAME} at most",
+    ),
 ]
 
 S = TypeVar("S", bound=Spec)
@@ -144,6 +151,9 @@ def _report(model: type[Spec], item: dict[str, Any], problems: Problems) -> None
             # Pydantic doesn't count the items that it has reported already.
             if not item["input"]:
                 problems.add(location, "at least one")
+        case "too_long":
+            most = item["ctx"]["max_length"]
+            problems.add(location, f"at most {most}; there are {len(item['input'])}")
         case "tuple_type":
             problems.add(location, f"a list; each item: {_described(below)}")
         case "model_type" | "model_attributes_type":

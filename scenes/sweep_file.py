@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,8 @@ from pydantic import Field
 
 from scenes.document import check_once, named_file, read_spec
 from scenes.errors import Location, Problems, nearest
+from scenes.inside import scene_of
+from scenes.limits import LONGEST_TITLE, MOST_TRIALS
 from scenes.scene_steps import SceneStepsSpec, check_steps
 from scenes.spec import Number, Spec, one_of
 from scenes.vary import (
@@ -39,9 +40,16 @@ class SweepSpec(Spec):
     """A whole sweep file; `scene` is a path from where the file is."""
 
     scene: Annotated[str, Field(strict=True, min_length=1, description="the path of a scene file, from this file")]
-    title: Annotated[str, Field(strict=True, min_length=1, description="text")]
+    title: Annotated[
+        str,
+        Field(
+            strict=True, min_length=1, max_length=LONGEST_TITLE, description=f"text, {LONGEST_TITLE} characters at most"
+        ),
+    ]
     # A half of the trials judges what the other half chose.
-    trials: Annotated[int, Field(strict=True, ge=2, description="a whole number, 2 or more")]
+    trials: Annotated[
+        int, Field(strict=True, ge=2, le=MOST_TRIALS, description=f"a whole number, 2 or more, at most {MOST_TRIALS}")
+    ]
     seed: Annotated[int, Field(strict=True, ge=0, description="a whole number, 0 or more")]
     render_noise_ratio: Annotated[
         Number, Field(gt=0, le=10, description="a number above 0, at most 10: of the sensor's noise (σ)")
@@ -99,10 +107,13 @@ class SweepFile:
         return self._spec.model_dump(mode="json", by_alias=True, exclude_none=True)
 
 
-def load_sweep(path_or_name: str | Path, overrides: Iterable[str] = ()) -> SweepFile:
+def load_sweep(path_or_name: str | Path, overrides: Iterable[str] = (), *, allow_outside: bool = False) -> SweepFile:
     """The sweep in the TOML file at a path, or of a name among those that come with the project ("zoom").
 
     Of `overrides` those count that begin with "sweep.", such as "sweep.trials=5".
+
+    Args:
+        allow_outside: whether it may name a scene anywhere; if not, `scenes.inside.scene_of` says where.
 
     Raises:
         SceneError: with every problem of the file and the overrides, a line each.
@@ -110,13 +121,14 @@ def load_sweep(path_or_name: str | Path, overrides: Iterable[str] = ()) -> Sweep
     path = named_file(path_or_name, SWEEPS, "sweep")
     spec, draft, problems = read_spec(SweepSpec, path, overrides)
     _check_sweep(draft, problems)
+    scene_path = scene_of(path, draft.scene, allow_outside, problems)
     problems.raise_if_any()
     assert spec is not None  # no problem, so pydantic had none
     return SweepFile(
         name=path.stem,
         path=path,
         title=spec.title,
-        scene_path=Path(os.path.normpath(path.parent / spec.scene)),
+        scene_path=scene_path,
         trials=spec.trials,
         render_noise_ratio=spec.render_noise_ratio,
         seed=spec.seed,

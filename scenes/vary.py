@@ -10,6 +10,7 @@ from pydantic import Field
 
 from pss import PTZCamera, RangeError
 from scenes.errors import Problems, allowed_in
+from scenes.limits import MOST_CAMERAS, MOST_STEPS
 from scenes.optics import aperture_allows
 from scenes.scene_steps import SceneStepsSpec, scenes_of_steps
 from scenes.spec import Name, Number, Spec
@@ -34,7 +35,10 @@ SETTINGS = ("zoom", "focus_distance_m", "pan_deg", "tilt_deg", "f_number")
 # numbers, since a view is stored under the hash of its settings.
 LINE_DIGITS = 12
 
-Names = Annotated[tuple[Name, ...], Field(min_length=1, description="a list of one or more names of cameras")]
+Names = Annotated[
+    tuple[Name, ...],
+    Field(min_length=1, max_length=MOST_CAMERAS, description="a list of one or more names of cameras"),
+]
 
 
 class LineSpec(Spec):
@@ -42,7 +46,7 @@ class LineSpec(Spec):
 
     start: Number
     stop: Number
-    steps: Annotated[int, Field(strict=True, ge=2)]
+    steps: Annotated[int, Field(strict=True, ge=2, le=MOST_STEPS)]
 
 
 class SettingSpec(Spec):
@@ -51,8 +55,11 @@ class SettingSpec(Spec):
     parameter: Literal[SETTINGS]
     cameras: Names
     values: Annotated[
-        Annotated[tuple[Number, ...], Field(min_length=1)] | LineSpec,
-        Field(description="a list of one or more numbers, or { start, stop, steps } with 2 steps or more"),
+        Annotated[tuple[Number, ...], Field(min_length=1, max_length=MOST_STEPS)] | LineSpec,
+        Field(
+            description="a list of one or more numbers, or { start, stop, steps } with 2 steps or more, "
+            f"at most {MOST_STEPS}"
+        ),
     ]
 
 
@@ -60,10 +67,16 @@ class SelectionSpec(Spec):
     """[vary] with the cameras that take part."""
 
     parameter: Literal["selection"]
-    always: Annotated[tuple[Name, ...], Field(alias="with", description="a list of names of cameras")] = ()
+    always: Annotated[
+        tuple[Name, ...], Field(alias="with", max_length=MOST_CAMERAS, description="a list of names of cameras")
+    ] = ()
     values: Annotated[
-        tuple[Name | Annotated[tuple[Name, ...], Field(min_length=1)], ...],
-        Field(min_length=1, description="a list of one or more names of cameras, or lists of names"),
+        tuple[Name | Annotated[tuple[Name, ...], Field(min_length=1, max_length=MOST_CAMERAS)], ...],
+        Field(
+            min_length=1,
+            max_length=MOST_STEPS,
+            description=f"a list of one or more names of cameras, or lists of names, at most {MOST_STEPS}",
+        ),
     ]
 
 

@@ -98,8 +98,8 @@ def test_no_sweep_at_all():
 
 
 def test_reserved_words_are_kept_for_subcommands():
-    """`run_sweep.py store` is no sweep."""
-    refused(run("store"), "store")
+    """`run_sweep.py figures` is no sweep."""
+    refused(run("figures"), "figures")
 
 
 def test_help_is_quick_and_shows_examples():

@@ -12,13 +12,12 @@ import OpenImageIO as oiio
 import pytest
 
 import render.exr
-from pss import ImageSensor, PSSError, PTZCamera
+from pss import PSSError
 from render.exr import CHANNELS, ImageFileError, read_certificate, read_view, write_view
-from render.sampling import Sampling
-from render.state import Light, MarkerPrint, Room, SceneState
-from render.view import RENDER_VERSION, Certificate, RenderedView, ViewRequest
+from render.view import RENDER_VERSION, RenderedView, ViewRequest
+from tests.views import AWKWARD_RESOLUTION, an_awkward_view
 
-WIDTH, HEIGHT = 37, 23
+WIDTH, HEIGHT = AWKWARD_RESOLUTION
 # Half floats carry 11 bits: the normal's layer is for the eye.
 HALF = 2.0**-11
 
@@ -26,34 +25,7 @@ HALF = 2.0**-11
 @pytest.fixture
 def request_and_view() -> tuple[ViewRequest, RenderedView]:
     """A view of awkward numbers, made without rendering."""
-    rng = np.random.default_rng(5)
-    camera = PTZCamera(
-        (0.1, -1 / 3, 2.8), 123.456789012345, -20.1, np.pi, focus_distance_m=3.3, resolution=(WIDTH, HEIGHT), name="4"
-    )
-    sensor = ImageSensor(550.0, 0.5, 4.0, 10_000.0, 6.0, 16, 64)
-    state = SceneState(
-        Room(6.0, 6.0, 3.0, 0.5, 0.5, 0.5), Light(0.2, ()), (), (), MarkerPrint("DICT_4X4_100", 1.0, 0.85, 0.04)
-    )
-    request = ViewRequest(state, camera, sensor, Sampling(noise_ratio=0.1), "mitsuba-3.9.0-scalar_rgb")
-    depth = rng.uniform(0.5, 9, (HEIGHT, WIDTH)).astype(np.float32)
-    depth[0, 0] = np.inf
-    normal = rng.standard_normal((HEIGHT, WIDTH, 3))
-    marker = rng.integers(-1, 1000, (HEIGHT, WIDTH)).astype(np.int32)
-    marker[1, 1] = 2**24 - 1
-    capture = rng.integers(0, 2**16, (HEIGHT, WIDTH)).astype(np.uint16)
-    capture[0, :2] = 0, 2**16 - 1
-    view = RenderedView(
-        request.key,
-        camera,
-        sensor,
-        rng.lognormal(-5, 4, (HEIGHT, WIDTH)).astype(np.float32),
-        depth,
-        (normal / np.linalg.norm(normal, axis=-1, keepdims=True)).astype(np.float32),
-        marker,
-        capture,
-        Certificate(0.1, 1 / 3, float("nan"), 1e-7, 0.4, 123_456_789, 0.25),
-    )
-    return request, view
+    return an_awkward_view()
 
 
 @pytest.fixture
@@ -62,6 +34,36 @@ def path(tmp_path, request_and_view):
     path = tmp_path / "view.exr"
     write_view(path, view, request)
     return path
+
+
+def test_a_header_that_is_no_text_is_one_line(path):
+    """What mutated files found: messages of bytes that are no UTF-8, and some that would speak to the terminal."""
+    whole = path.read_bytes()
+    key = whole.index(b"quantum_efficiency")
+    for place, found in [(key + 3, b"\xff\x1b"), *((place, b"\xff" * 5) for place in range(0, 400, 5))]:
+        path.write_bytes(whole[:place] + found + whole[place + (2 if place > key else 0) :])
+        try:
+            read_view(path)
+        except ImageFileError as error:
+            assert str(error).isprintable()  # noqa: PT017 -- some places may be changed without harm
+        else:
+            assert place != key + 3
+
+
+def test_a_certificate_is_numbers_and_the_image_is_as_large_as_its_cameras(path, request_and_view):
+    request, view = request_and_view
+    write_view(path, dataclasses.replace(view, camera=dataclasses.replace(view.camera, resolution=(8, 4))), request)
+    with pytest.raises(ImageFileError, match="37 × 23 pixels of a camera of 8 × 4"):
+        read_view(path)
+    odd = dataclasses.replace(view.certificate, samples="many")
+    write_view(path, dataclasses.replace(view, certificate=odd), request)
+    with pytest.raises(ImageFileError, match="'samples' of its certificate is 'many'; allowed: a number"):
+        read_certificate(path)
+    wrong = view.marker_id.astype(np.float32)
+    wrong[3, 3] = np.nan
+    write_view(path, dataclasses.replace(view, marker_id=wrong), request)
+    with pytest.raises(ImageFileError, match="no whole number from -1"):
+        read_view(path)
 
 
 def test_round_trip_bit_for_bit(path, request_and_view):

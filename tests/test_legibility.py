@@ -135,7 +135,7 @@ def test_evaluate_with_targets():
     ("call", "said"),
     [
         (lambda: visibility_tests("marker"), r"'marker'; allowed: point, target, or a calibration's path"),
-        (lambda: visibility_tests("nowhere.toml"), "nowhere.toml: No such file"),
+        (lambda: visibility_tests("nowhere.toml"), "nowhere.toml: there is no such file"),
         (lambda: WholeTarget(-1.0), r"margin_modules = -1.0; allowed: 0 or more"),
         (lambda: Legible(0.0, 1.0), r"smallest_module_px = 0.0; allowed: above 0"),
         (lambda: Legible(2.0, float("nan")), r"largest_blur_modules = nan; allowed: above 0"),

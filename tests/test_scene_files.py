@@ -19,8 +19,11 @@ from scenes.layout import PLATE_OFFSET_M, overlapping, plate_corners_m, upwards
 
 FOLDER = Path(scenes.sweep_file.__file__).parent
 ROOM = (FOLDER / "room.toml").read_text()
-ZOOM = (FOLDER / "sweeps" / "zoom.toml").read_text()
-SELECTION = (FOLDER / "sweeps" / "selection.toml").read_text()
+# Written beside no other file, where a sweep may name no scene in the folder above.
+ZOOM, SELECTION = (
+    (FOLDER / "sweeps" / f"{name}.toml").read_text().replace("../room.toml", "room.toml")
+    for name in ("zoom", "selection")
+)
 
 # Positions are sums of a few decimal fractions of metres.
 ROUNDING_M = 1e-12
@@ -724,8 +727,8 @@ def test_overrides_of_the_sweep_and_its_resolved_contents():
 
 
 def test_the_scene_is_found_from_the_sweep_file(tmp_path):
-    (tmp_path / "mine").mkdir()
-    path = write(tmp_path / "mine", ZOOM, "near.toml")
+    (tmp_path / "sweeps").mkdir()
+    path = write(tmp_path / "sweeps", ZOOM.replace("room.toml", "../room.toml"), "near.toml")
     write(tmp_path, ROOM, "room.toml")
     sweep = load_sweep(path)
     assert (sweep.name, sweep.scene_path) == ("near", tmp_path / "room.toml")

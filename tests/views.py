@@ -9,10 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pss import PTZCamera
+from pss import ImageSensor, PTZCamera
 from render import lens
+from render.sampling import Sampling
+from render.state import Light, MarkerPrint, Room, SceneState
+from render.view import Certificate, RenderedView, ViewRequest
 
 Floats = NDArray[np.float64]
+
+AWKWARD_RESOLUTION = (37, 23)
 
 
 def window(camera: PTZCamera, target_m: Floats, resolution: tuple[int, int] = (64, 48)) -> PTZCamera:
@@ -77,3 +82,36 @@ def variance(pixels: Floats, x: Floats, y: Floats) -> Floats:
     """Pixels², second central moment along x and y, (2,); 1/12 of it is the pixel's own width (Sheppard)."""
     middle = centroid(pixels, x, y)
     return centroid(pixels, (x - middle[0]) ** 2, (y - middle[1]) ** 2)
+
+
+def an_awkward_view() -> tuple[ViewRequest, RenderedView]:
+    """A request and its view, made without rendering, of numbers that are easily lost on the way to a file and back."""
+    width, height = AWKWARD_RESOLUTION
+    rng = np.random.default_rng(5)
+    camera = PTZCamera(
+        (0.1, -1 / 3, 2.8), 123.456789012345, -20.1, np.pi, focus_distance_m=3.3, resolution=(width, height), name="4"
+    )
+    sensor = ImageSensor(550.0, 0.5, 4.0, 10_000.0, 6.0, 16, 64)
+    state = SceneState(
+        Room(6.0, 6.0, 3.0, 0.5, 0.5, 0.5), Light(0.2, ()), (), (), MarkerPrint("DICT_4X4_100", 1.0, 0.85, 0.04)
+    )
+    request = ViewRequest(state, camera, sensor, Sampling(noise_ratio=0.1), "mitsuba-3.9.0-scalar_rgb")
+    depth = rng.uniform(0.5, 9, (height, width)).astype(np.float32)
+    depth[0, 0] = np.inf
+    normal = rng.standard_normal((height, width, 3))
+    marker = rng.integers(-1, 1000, (height, width)).astype(np.int32)
+    marker[1, 1] = 2**24 - 1
+    capture = rng.integers(0, 2**16, (height, width)).astype(np.uint16)
+    capture[0, :2] = 0, 2**16 - 1
+    view = RenderedView(
+        request.key,
+        camera,
+        sensor,
+        rng.lognormal(-5, 4, (height, width)).astype(np.float32),
+        depth,
+        (normal / np.linalg.norm(normal, axis=-1, keepdims=True)).astype(np.float32),
+        marker,
+        capture,
+        Certificate(0.1, 1 / 3, float("nan"), 1e-7, 0.4, 123_456_789, 0.25),
+    )
+    return request, view

@@ -7,30 +7,39 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterable
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
-from pss import Appearance, PTZCamera
+from pss import Appearance, PSSError, PTZCamera
 from render import backend, glow
-from render.exr import ImageFileError, read_certificate, write_view
 from render.light import solve_light
 from render.sampling import Sampling
 from render.state import SceneState
-from render.view import Certificate, Renderer, ViewRequest, state_key
+from render.view import RENDER_VERSION, Certificate, Renderer, ViewRequest, state_key
 from scenes import Scene
 from validate.interruption import raise_if_interrupted
-from validate.measure import MeasureTask, ViewMeasurement, WorkerPool, load_measurement, measure
+from validate.measure import MeasureTask, ViewMeasurement, load_measurement, measure
 from validate.progress import ViewProgress
-from validate.store import Store, StoreError, atomic_path
+from validate.store import Store, StoreError
+from validate.stored_views import DamagedViewError, certificate_of, save_view
+from validate.worker_queue import WorkerQueue
 
-__all__ = ["Acquired", "Acquisition", "acquire", "views_of"]
+__all__ = ["Acquired", "Acquisition", "LightError", "acquire", "baked", "views_of", "with_whole_views"]
+
+T = TypeVar("T")
 
 # Rendered views that wait to be measured; more would only fill memory.
 MOST_WAITING = 4
+# What made stored light, for `run_sweep.py store list`.
+LIGHT = f"render {RENDER_VERSION}"
+
+
+class LightError(PSSError, RuntimeError):
+    """The light of a scene state cannot be solved; all its views fail for the same reason."""
 
 
 @dataclass(frozen=True)
@@ -92,89 +101,163 @@ def acquire(
 ) -> Acquired:
     """Render and measure the wanted views, each once, and load the measurements.
 
-    Ctrl-C stops between views; what is stored stays and is found by the next run.
+    A view that fails is in `failed`, and the others go on. Ctrl-C stops between views; what is stored stays and is
+    found by the next run.
+
+    Raises:
+        StoreError: the disk is full, or something is missing from a store that cannot be written.
     """
     unique = list(dict.fromkeys(wanted))
     acquired = Acquired()
-    todo = [item for item in unique if not item.task(store).path.exists() or not _certified(item, store, acquired)]
+    todo = [item for item in unique if not (_certified(item, store, acquired) and _loaded(item, store, acquired))]
+    if todo and not store.writable:
+        raise StoreError(
+            f"{store.folder} cannot be written, and {len(todo)} of {len(unique)} views are missing from it or not "
+            "measured; allowed is a folder that you may write to, or one that has them all"
+        )
     with progress_for(len(todo)) as progress:
         if todo:
-            pool = WorkerPool(max(1, os.cpu_count() or 1))
-            try:
-                _make(todo, store, chosen, pool, progress, acquired)
-            except BaseException:
-                pool.stop()
-                raise
-            pool.shutdown()
-    for state in {state_key(item.request.state): item.request.state for item in unique}.items():
-        acquired.appearances[state[0]] = glow.appearance(state[1], baked(state[1], store, chosen))
-    for item in unique:
-        if item.request.key in acquired.failed:
-            continue
-        measurement = load_measurement(item.task(store))
-        if measurement is None:
+            _make(todo, store, chosen, progress, acquired)
+    for item in todo:
+        if item.request.key not in acquired.failed and not _loaded(item, store, acquired):
             acquired.failed[item.request.key] = "its measurement is missing from the store"
-        else:
-            acquired.measured[item] = measurement
+    # In the order in which they are wanted, whatever was there and whatever was made now.
+    acquired.measured = {item: acquired.measured[item] for item in unique if item in acquired.measured}
+    _find_appearances(unique, store, chosen, acquired)
     return acquired
 
 
+def with_whole_views(
+    use: Callable[[], T],
+    wanted: Sequence[Acquisition],
+    store: Store,
+    chosen: backend.Backend,
+    progress_for: Callable[[int], ViewProgress],
+) -> T:
+    """What `use` gives, which reads views of the store; one that it finds damaged is rendered again before another try.
+
+    Raises:
+        DamagedViewError: views are damaged as fast as they are made.
+    """
+    for _ in wanted:
+        try:
+            return use()
+        except DamagedViewError:
+            acquire(wanted, store, chosen, progress_for)
+    return use()
+
+
 def _certified(item: Acquisition, store: Store, acquired: Acquired) -> bool:
-    """Whether the view's image is stored and readable."""
+    """Whether the view's image is stored and whole, as far as its sum says."""
     key = item.request.key
-    if key in acquired.certificates:
-        return True
-    path = store.view(key)
-    if not path.exists():
-        return False
-    try:
-        acquired.certificates[key] = read_certificate(path)
-    except ImageFileError:
-        path.unlink(missing_ok=True)
-        return False
+    if key not in acquired.certificates:
+        certificate = certificate_of(store, item.request)
+        if certificate is None:
+            return False
+        acquired.certificates[key] = certificate
     return True
 
 
+def _loaded(item: Acquisition, store: Store, acquired: Acquired) -> bool:
+    """Whether the view's measurement is stored and whole; then it is loaded."""
+    task = item.task(store)
+    if store.fetch(task.path) and (measurement := load_measurement(task)) is not None:
+        acquired.measured[item] = measurement
+        return True
+    return False
+
+
+def _find_appearances(unique: Sequence[Acquisition], store: Store, chosen: backend.Backend, acquired: Acquired) -> None:
+    """How the markers of each scene state look; where the light cannot be solved, the state's views have failed."""
+    for key, state in {state_key(item.request.state): item.request.state for item in unique}.items():
+        members = [item for item in unique if state_key(item.request.state) == key]
+        if all(item.request.key in acquired.failed for item in members):
+            continue  # so that light that cannot be solved is not tried once more
+        try:
+            acquired.appearances[key] = glow.appearance(state, baked(state, store, chosen))
+        except StoreError:
+            raise
+        except Exception as error:
+            for item in members:
+                acquired.failed.setdefault(item.request.key, _said(error))
+                acquired.measured.pop(item, None)
+
+
 def _make(
+    todo: list[Acquisition], store: Store, chosen: backend.Backend, progress: ViewProgress, acquired: Acquired
+) -> None:
+    damaged: list[Acquisition] = []
+
+    def done(item: Acquisition, path: Path | None, error: BaseException | None) -> None:
+        if path is not None:
+            store.push(path)
+            acquired.measured_items.add(item)
+        elif isinstance(error, DamagedViewError) and item not in damaged:
+            damaged.append(item)
+            return
+        elif isinstance(error, StoreError) and not isinstance(error, DamagedViewError):
+            raise error
+        else:
+            acquired.failed[item.request.key] = _said(error)
+        progress.advance(f"measured camera {item.request.camera.name}")
+
+    with WorkerQueue(max(1, os.cpu_count() or 1), MOST_WAITING, done) as queue:
+        _render_all(todo, store, chosen, queue, progress, acquired)
+        if damaged:
+            # Images that their sums called whole, and whose bytes are not: rendered again, once.
+            for item in damaged:
+                acquired.certificates.pop(item.request.key, None)
+            _render_all(list(damaged), store, chosen, queue, progress, acquired)
+
+
+def _render_all(
     todo: list[Acquisition],
     store: Store,
     chosen: backend.Backend,
-    pool: WorkerPool,
+    queue: WorkerQueue[Acquisition, Path],
     progress: ViewProgress,
     acquired: Acquired,
 ) -> None:
-    waiting: dict[Future[Path], Acquisition] = {}
+    """Render what has no certificate, and have all of it measured."""
     renderers: dict[str, Renderer] = {}
+    unlit: dict[str, str] = {}
     for item in _by_state(todo):
         raise_if_interrupted()
         request = item.request
-        if state_key(request.state) not in renderers:
+        state = state_key(request.state)
+        if state not in renderers:
             # The last state's scene and its instants of motion are not needed any more.
             renderers.clear()
         if not _certified(item, store, acquired):
-            light_is_solved = state_key(request.state) in renderers or store.light(state_key(request.state)).exists()
-            progress.note(f"rendering camera {request.camera.name}" if light_is_solved else "solving the scene's light")
+            progress.note(
+                f"rendering camera {request.camera.name}"
+                if state in renderers or store.has(store.light(state))
+                else "solving the scene's light"
+            )
             begin = time.perf_counter()
             try:
+                if state in unlit:
+                    raise LightError(unlit[state])
                 view = _renderer(request.state, store, chosen, renderers).render(request)
-                with atomic_path(store.view(request.key)) as temporary:
-                    write_view(temporary, view, request)
+                save_view(store, view, request)
             except StoreError:
                 raise
             except Exception as error:  # one failing view must not end the sweep
-                acquired.failed[request.key] = f"{type(error).__name__}: {error}"
+                acquired.failed[request.key] = _said(error)
+                if isinstance(error, LightError):
+                    unlit[state] = str(error)
                 progress.advance("failed")
                 continue
             acquired.render_seconds[request.key] = time.perf_counter() - begin
             acquired.certificates[request.key] = view.certificate
             acquired.rendered += 1
-        waiting[pool.submit(measure, item.task(store))] = item
-        while len(waiting) > MOST_WAITING:
-            _collect(waiting, progress, acquired)
-    while waiting:
-        raise_if_interrupted()
-        _collect(waiting, progress, acquired)
+        queue.submit(item, measure, item.task(store))
+    queue.drain(raise_if_interrupted)
     raise_if_interrupted()
+
+
+def _said(error: BaseException | None) -> str:
+    return str(error) if isinstance(error, LightError) else f"{type(error).__name__}: {error}"
 
 
 def _by_state(todo: list[Acquisition]) -> list[Acquisition]:
@@ -185,22 +268,16 @@ def _by_state(todo: list[Acquisition]) -> list[Acquisition]:
     return sorted(todo, key=lambda item: first[state_key(item.request.state)])
 
 
-def _collect(waiting: dict[Future[Path], Acquisition], progress: ViewProgress, acquired: Acquired) -> None:
-    done, _ = wait(waiting, return_when=FIRST_COMPLETED)
-    for future in done:
-        item = waiting.pop(future)
-        error = future.exception()
-        if error is None:
-            acquired.measured_items.add(item)
-        else:
-            acquired.failed[item.request.key] = f"{type(error).__name__}: {error}"
-        progress.advance(f"measured camera {item.request.camera.name}")
-
-
 def _renderer(state: SceneState, store: Store, chosen: backend.Backend, renderers: dict[str, Renderer]) -> Renderer:
     key = state_key(state)
     if key not in renderers:
-        renderers[key] = Renderer(state, baked(state, store, chosen), chosen)
+        try:
+            meshes = baked(state, store, chosen)
+        except StoreError:
+            raise
+        except Exception as error:
+            raise LightError(f"the scene's light cannot be solved: {_said(error)}") from error
+        renderers[key] = Renderer(state, meshes, chosen)
     return renderers[key]
 
 
@@ -209,7 +286,9 @@ def baked(state: SceneState, store: Store, chosen: backend.Backend | None = None
     path = store.light(state_key(state))
     arrays = store.load(path)
     if arrays is None:
+        if not store.writable:
+            raise StoreError(f"{path} is missing, and its folder cannot be written; allowed is one that has it")
         meshes = glow.bake(state, solve_light(state, backend.start(chosen) if chosen else None))
-        store.save(path, {name: np.asarray(value) for name, value in vars(meshes).items()})
+        store.save(path, {name: np.asarray(value) for name, value in vars(meshes).items()}, LIGHT)
         return meshes
     return glow.GlowMeshes(**arrays)

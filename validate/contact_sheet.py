@@ -9,11 +9,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from render.exr import read_view
 from render.view import RenderedView
 from validate.acquire import Acquisition
 from validate.detect import SEARCHES, find_markers
 from validate.store import Store, atomic_path
+from validate.stored_views import stored_view
 from validate.sweep import SweepResult
 
 __all__ = ["contact_sheet", "displayed"]
@@ -30,7 +30,11 @@ def displayed(capture_dn: NDArray[np.uint16], black_level_dn: int) -> NDArray[np
 
 
 def contact_sheet(path: Path, result: SweepResult, store: Store) -> Path:
-    """Write the captures of the varied cameras (rows) over a few steps of the sweep (columns)."""
+    """Write the captures of the varied cameras (rows) over a few steps of the sweep (columns).
+
+    Raises:
+        DamagedViewError: a view is not in the store, or was found damaged and set aside.
+    """
     steps = np.unique(np.linspace(0, len(result.configurations) - 1, MOST_COLUMNS).astype(int))
     names = _cameras_to_show(result)
     shown: list[list[tuple[str, Acquisition]]] = []
@@ -39,13 +43,11 @@ def contact_sheet(path: Path, result: SweepResult, store: Store) -> Path:
         pairs = zip(configuration.cameras, result.views[step], strict=True)
         chosen = [(camera, item) for camera, item in pairs if names is None or camera.name in names][:MOST_ROWS]
         shown.append([(f"{configuration.label}  camera {camera.name}", item) for camera, item in chosen])
-    paths = {store.view(item.request.key) for column in shown for _, item in column}
+    keys = {item.request.key for column in shown for _, item in column}
     # Unpacking the images is most of the work, and leaves Python alone.
     with ThreadPoolExecutor() as pool:
-        views = dict(zip(paths, pool.map(read_view, paths), strict=True))
-    columns = [
-        [_thumbnail(item, views[store.view(item.request.key)], caption) for caption, item in column] for column in shown
-    ]
+        views = dict(zip(keys, pool.map(lambda key: stored_view(store, key), keys), strict=True))
+    columns = [[_thumbnail(item, views[item.request.key], caption) for caption, item in column] for column in shown]
     rows = max(len(column) for column in columns)
     height, width = max(picture.shape[:2] for column in columns for picture in column)
     sheet = np.full((rows * (height + 6), len(columns) * (width + 6), 3), 255, dtype=np.uint8)

@@ -41,7 +41,7 @@ def with_exposures(
     chosen = {}
     for group, members in open_scenes.items():
         scene = members[0][1]
-        if not store.light(state_key(scene.state)).exists():
+        if not store.has(store.light(state_key(scene.state))):
             note("solving the scene's light, by which the exposure is chosen")
         choice = _choose(members, store, chosen_backend)
         chosen[group] = choice.exposure_ms

@@ -22,12 +22,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import ImageSensor
-from render.exr import read_view
 from render.sensor import capture, fixed_pattern
 from render.view import random_stream
 from validate.detect import SEARCHES, Search, find_markers
 from validate.localise import localise
 from validate.store import Store, discard_unfinished
+from validate.stored_views import stored_view
 
 __all__ = [
     "DETECTOR",
@@ -115,10 +115,15 @@ def measure_capture(
 
 
 def measure(task: MeasureTask) -> Path:
-    """Measure a stored view over its trials and store the result."""
+    """Measure a stored view over its trials and store the result.
+
+    Raises:
+        DamagedViewError: the view is not there, or was found damaged and set aside.
+        StoreError: the store cannot be written, or the disk is full.
+    """
     begin = time.perf_counter()
     store = Store(task.store)
-    view = read_view(store.view(task.view_key))
+    view = stored_view(store, task.view_key)
     electrons = view.expected_electrons()
     pattern = fixed_pattern(view.camera, view.sensor)
     trials = []
@@ -135,6 +140,7 @@ def measure(task: MeasureTask) -> Path:
             "strangers": np.array(sum(strangers)),
             "seconds": np.array(time.perf_counter() - begin),
         },
+        DETECTOR,
     )
     return task.path
 

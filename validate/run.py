@@ -19,9 +19,10 @@ from render import backend
 from render.sampling import Sampling
 from scenes import Scene, SceneError, SweepFile, known_sweeps, load_scene, load_sweep
 from validate import claims, compare, figures, slopes, summary, tables
-from validate.acquire import Acquired, Acquisition, acquire
+from validate.acquire import Acquired, Acquisition, acquire, with_whole_views
 from validate.expose import with_exposures
 from validate.progress import EXPECTED_SECONDS, ViewProgress, clock
+from validate.remote_store import is_address, open_store
 from validate.store import Store, StoreError, write_text
 from validate.sweep import Plan, SweepResult, assess_sweep, plan
 from validate.warnings_of_views import warn_of_render_noise, warn_of_saturation
@@ -38,12 +39,13 @@ class Options:
     sweeps: tuple[str, ...]
     scene: Path | None = None
     out: Path | None = None
-    store: Path = Path("results/store")
+    store: str = "results/store"
     trials: int | None = None
     seed: int | None = None
     set: tuple[str, ...] = ()
     variant: str | None = None
     dry_run: bool = False
+    allow_outside: bool = False
 
     @property
     def folder(self) -> Path:
@@ -64,7 +66,7 @@ def execute(options: Options, console: Console, errors: Console) -> int:
     console.print(str(chosen), markup=False)
     for warning in dict.fromkeys(warning for _, scene in loaded for warning in scene.warnings):
         errors.print(warning, markup=False, soft_wrap=True)
-    store = Store(options.store)
+    store = open_store(options.store)
     exposed = with_exposures(
         loaded,
         store,
@@ -92,7 +94,13 @@ def execute(options: Options, console: Console, errors: Console) -> int:
     after_tables = time.perf_counter()
     drawn_from = figures.source_of(options.folder, results)
     if drawn_from != _figures_of_last_run(options.folder) or not figures.all_drawn(options.folder, results):
-        figures.draw_all(options.folder, results, store)
+        with_whole_views(
+            lambda: figures.draw_all(options.folder, results, store),
+            wanted,
+            store,
+            chosen,
+            lambda total: ViewProgress(total, errors),
+        )
     seconds = {
         "views": after_views - begin,
         "assessment": after_assessment - after_views,
@@ -129,18 +137,20 @@ def _check(options: Options) -> None:
     check_folders(options.folder, options.store)
 
 
-def check_folders(out: Path, store: Path) -> None:
+def check_folders(out: Path, store: str) -> None:
     """Whether a run could leave something there, before it takes its time.
 
     Raises:
-        StoreError: a file is in the way, or the folder cannot be written.
+        StoreError: a file is in the way, or the folder of results cannot be written.
     """
-    for flag, folder in (("--out", out), ("--store", store)):
-        if folder.exists() and not folder.is_dir():
-            raise StoreError(f"{flag} {folder} is a file; allowed is a folder")
-        existing = next(parent for parent in [folder, *folder.resolve().parents] if parent.exists())
-        if not os.access(existing, os.W_OK):
-            raise StoreError(f"{flag} {folder} cannot be written; allowed is a folder that you may write to")
+    # A store that has all that is wanted need not be writable.
+    if not is_address(store) and Path(store).exists() and not Path(store).is_dir():
+        raise StoreError(f"--store {store} is a file; allowed is a folder")
+    if out.exists() and not out.is_dir():
+        raise StoreError(f"--out {out} is a file; allowed is a folder")
+    existing = next(parent for parent in [out, *out.resolve().parents] if parent.exists())
+    if not os.access(existing, os.W_OK):
+        raise StoreError(f"--out {out} cannot be written; allowed is a folder that you may write to")
 
 
 def _loaded(options: Options) -> list[tuple[SweepFile, Scene]]:
@@ -153,8 +163,8 @@ def _loaded(options: Options) -> list[tuple[SweepFile, Scene]]:
         overrides.append(f"sweep.seed={options.seed}")
     for name in options.sweeps:
         try:
-            sweep = load_sweep(name, overrides)
-            scene = load_scene(options.scene or sweep.scene_path, overrides)
+            sweep = load_sweep(name, overrides, allow_outside=options.allow_outside)
+            scene = load_scene(options.scene or sweep.scene_path, overrides, allow_outside=options.allow_outside)
             sweep.configurations(scene)  # raises what is wrong with them
             loaded.append((sweep, scene))
         except SceneError as error:
@@ -167,8 +177,8 @@ def _loaded(options: Options) -> list[tuple[SweepFile, Scene]]:
 def _announce(plans: Sequence[Plan], wanted: Sequence[Acquisition], store: Store, console: Console) -> None:
     """Say what a run would do."""
     unique = list(dict.fromkeys(wanted))
-    missing = [item for item in unique if not store.view(item.request.key).exists()]
-    unmeasured = [item for item in unique if not item.task(store).path.exists()]
+    missing = [item for item in unique if not store.has(store.view(item.request.key))]
+    unmeasured = [item for item in unique if not store.has(item.task(store).path)]
     for each in plans:
         console.print(f"{each.sweep.name}: {len(each.configurations)} configurations", markup=False)
     console.print(

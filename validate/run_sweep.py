@@ -25,8 +25,9 @@ SUBCOMMANDS = {
     "calibration-error": "validate.bank.miscalibrated",
     "pixel-noise": "validate.pixel_noise.command",
     "schedule": "validate.hallway.command",
+    "store": "validate.store_command",
 }
-RESERVED = ("store", "compare", "check", "new-scene", "figures")
+RESERVED = ("compare", "check", "new-scene", "figures")
 DESCRIPTION = """Predict and measure sweeps of camera settings; see README.md for what is left in the results folder.
 
 Examples:
@@ -36,6 +37,7 @@ Examples:
   run_sweep.py bank            all metrics and noise models on configurations from a bank of views (bank --help)
   run_sweep.py calibration-error   how PSS ranks the bank's configurations if cameras are wrongly calibrated
   run_sweep.py schedule hallway    cameras follow two people who pass each other, by one strategy after the other
+  run_sweep.py store verify    check every stored file; list and prune what is stored (store --help)
   run_sweep.py pixel-noise     a marker's bias and σ against blur, size, incidence and signal (pixel-noise --help)"""
 EXIT_DONE, EXIT_FAILED, EXIT_MISTAKE, EXIT_INTERRUPTED = 0, 1, 2, 130
 
@@ -45,12 +47,13 @@ def run_sweep(
     /,
     scene: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
     out: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None,
-    store: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("results/store"),
+    store: Annotated[str, tyro.conf.arg(metavar="DIR")] = "results/store",
     trials: Annotated[int | None, tyro.conf.arg(metavar="N")] = None,
     seed: Annotated[int | None, tyro.conf.arg(metavar="N")] = None,
     set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="KEY=VALUE")] = (),
     variant: Literal["llvm_ad_mono", "cuda_ad_mono", "scalar_rgb"] | None = None,
     dry_run: bool = False,
+    allow_outside: bool = False,
 ) -> int:
     """Predict and measure sweeps of camera settings.
 
@@ -58,18 +61,19 @@ def run_sweep(
         sweeps: names of files in scenes/sweeps, or paths of such files.
         scene: scene file to use in place of the sweeps' own.
         out: folder for the results (default: results/ and the sweeps' names).
-        store: folder of rendered views and measurements, shared by all runs.
+        store: folder of rendered views and measurements, shared by all runs, or an address (docs/store.md).
         trials: noisy captures of each view, in place of the sweeps' own number.
         seed: of the run, in place of the sweeps' own.
         set: override a key of the scene file, or (sweep.KEY) of the sweep file; may be repeated.
         variant: Mitsuba's variant (default: LLVM if a libLLVM is found, else scalar).
         dry_run: say what would be done, and stop.
+        allow_outside: let files name others outside their folder (see "Files from others" in docs/scenes.md).
     """
     from rich.console import Console
 
     from validate.run import Options, execute
 
-    options = Options(sweeps, scene, out, store, trials, seed, set, variant, dry_run)
+    options = Options(sweeps, scene, out, store, trials, seed, set, variant, dry_run, allow_outside)
     # In a file or a pipe the tables keep their columns; 80 would break every line.
     wide = None if sys.stdout.isatty() else 140
     return execute(options, Console(width=wide), Console(stderr=True))

@@ -1,78 +1,61 @@
 """Where views, solved light and measurements lie, found by the hash of all that determines them.
 
-A file is written under a temporary name and renamed: what is there is whole. Several runs share one store.
+A file is written under a temporary name, flushed and renamed: what is there is whole. Several runs share one store.
+Disks and other programs still damage files, so each has its checksum in a file beside it (`validate.sums`), and nothing
+is read that was not checked. What does not fit its checksum is moved to `damaged/`, never deleted, with one line of
+warning, and counts as missing: whoever wanted it makes it again.
+
+A file without any sum is one of an older version. It is read whole once, and given a sum if that succeeds: an old store
+goes on working without rendering again.
+
+`docs/store.md` is the page for users.
 """
 
 from __future__ import annotations
 
 import contextlib
-import errno
+import dataclasses
 import hashlib
 import io
+import logging
+import math
 import os
-import tempfile
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pss import PSSError
+from validate.sums import FileSum, add_sum, read_sums, sum_of, sum_path
+from validate.whole_files import StoreError, atomic_path, discard_unfinished, write_text
 
-__all__ = ["Store", "StoreError", "atomic_path", "discard_unfinished", "write_text"]
+__all__ = ["DAMAGED", "Store", "StoreError", "atomic_path", "discard_unfinished", "write_text"]
 
 Arrays = dict[str, NDArray[np.generic]]
+T = TypeVar("T")
 
+# Folder in a store for what is set aside.
+DAMAGED = "damaged"
+# Times that a file may change under a reader's eyes, by other processes that write the same name.
+MOST_CHANGES = 20
+# Of an archive, unpacked: the light of the largest scene takes a tenth of it.
+MOST_BYTES = 2**30
 
-# Temporary files that this process is writing, for whoever must stop it in the middle.
-_unfinished: set[Path] = set()
-
-
-class StoreError(PSSError, OSError):
-    """A folder cannot be used, or the disk is full."""
-
-
-@contextlib.contextmanager
-def atomic_path(path: Path) -> Iterator[Path]:
-    """A temporary path beside `path` that takes its name when the block ends well, and is removed if it does not."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=path.suffix)
-    except OSError as error:
-        raise StoreError(f"{path.parent}: {error.strerror}; allowed is a folder that can be written") from error
-    os.close(handle)
-    temporary = Path(name)
-    _unfinished.add(temporary)
-    try:
-        yield temporary
-        os.chmod(temporary, 0o644)
-        temporary.replace(path)
-    except OSError as error:
-        if error.errno == errno.ENOSPC:
-            raise StoreError(f"{path}: the disk is full; what is stored already is whole and will be found") from error
-        raise
-    finally:
-        temporary.unlink(missing_ok=True)
-        _unfinished.discard(temporary)
-
-
-def discard_unfinished() -> None:
-    """Remove the files that this process has begun and not finished, before it ends without unwinding."""
-    for temporary in list(_unfinished):
-        temporary.unlink(missing_ok=True)
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a text file whole or not at all."""
-    with atomic_path(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+_log = logging.getLogger(__name__)
+# Folders whose older files this process has said that it gives sums.
+_adopting: set[Path] = set()
 
 
 @dataclass(frozen=True)
 class Store:
-    """A folder of views (EXR), solved light and measurements (NPZ)."""
+    """A folder of views (EXR), solved light and measurements (NPZ), and the interface of stores that lie elsewhere.
+
+    Paths are those of files on this machine. A store that lies elsewhere (`validate.remote_store`) keeps what programs
+    need here, in `folder`, and has its own `has`, `fetch` and `push`; for a folder these have nothing to do.
+    """
 
     folder: Path
 
@@ -89,21 +72,218 @@ class Store:
         tail = hashlib.sha256(f"{detector}/{seed}/{trials}".encode()).hexdigest()[:12]
         return self.folder / "measurements" / view_key[:2] / f"{view_key}-{tail}.npz"
 
-    def save(self, path: Path, arrays: Arrays) -> None:
-        """Write arrays to one of the store's paths."""
+    @property
+    def writable(self) -> bool:
+        """Whether files can be written here."""
+        existing = next(parent for parent in [self.folder, *self.folder.absolute().parents] if parent.exists())
+        return os.access(existing, os.W_OK)
+
+    def has(self, path: Path) -> bool:
+        """Whether there is a file for one of the store's paths; it is not checked."""
+        return path.exists()
+
+    def fetch(self, path: Path) -> bool:
+        """Get the file of one of the store's paths to that path; False where the store has none."""
+        return path.exists()
+
+    def push(self, path: Path) -> None:
+        """Hand on a file that was written at one of the store's paths, by this process or a worker."""
+
+    def write(
+        self,
+        path: Path,
+        write: Callable[[Path], None],
+        facts: dict[str, Any] | None = None,
+        needed_bytes: int | None = None,
+    ) -> None:
+        """Write a file by `write(temporary path)`, with its sum.
+
+        Args:
+            facts: what the sum says of the content; must go into JSON.
+            needed_bytes: of the file, where known beforehand.
+
+        Raises:
+            StoreError: the store cannot be written, or the disk is full.
+        """
+
+        def add(temporary: Path) -> None:
+            add_sum(path, sum_of(temporary, facts))
+
+        with atomic_path(path, needed_bytes=needed_bytes, before_rename=add) as temporary:
+            write(temporary)
+        self.push(path)
+
+    def read(
+        self, path: Path, reader: Callable[[Path], T], facts_of: Callable[[T], dict[str, Any]] = lambda value: {}
+    ) -> T | None:
+        """What `reader` makes of a file that was checked; None where there is none, or none that is whole.
+
+        Args:
+            reader: reads all of the file, and raises an exception if it is not one of its kind.
+            facts_of: what the sum of an older file is to say of the value.
+
+        Raises:
+            StoreError: a damaged file cannot be set aside.
+        """
+        for _ in range(MOST_CHANGES):
+            if (before := self._found(path)) is None:
+                return None
+            try:
+                now, sums = sum_of(path), read_sums(path)
+                why = _misfit(now, sums)
+                value = None if why else reader(path)
+            except MemoryError:
+                raise
+            except PermissionError as error:
+                raise StoreError(f"{path}: {error.strerror}; allowed is a file that can be read") from error
+            except Exception as error:  # whatever a reader makes of damaged bytes
+                why, value = f"{type(error).__name__}: {error}".replace(f"{path}: ", ""), None
+            if _identity(path) != before:
+                continue  # replaced meanwhile
+            if why or value is None:
+                self._set_aside(path, before, why or "nothing in it")
+                continue  # a store elsewhere may have it whole
+            if sums is None:
+                self._adopt(path, dataclasses.replace(now, facts=facts_of(value)))
+            return value
+        raise StoreError(f"{path}: changed {MOST_CHANGES} times while it was read; allowed is a file that stays")
+
+    def facts(self, path: Path) -> dict[str, Any] | None:
+        """What a file's sum says of it, without reading the file where size and time of change are the sum's.
+
+        None where there is no file, no whole one, or one of an older version, which `read` gives a sum.
+
+        Raises:
+            StoreError: as `read`.
+        """
+        for _ in range(MOST_CHANGES):
+            if (before := self._found(path)) is None:
+                return None
+            sums = read_sums(path)
+            if sums is None:
+                return None
+            for known in reversed(sums):
+                if (known.size_bytes, known.changed_ns) == before[1:]:
+                    return known.facts
+            now = _sum_or_none(path)
+            if _identity(path) != before:
+                continue
+            if (why := _misfit(now, sums)) or now is None:
+                self._set_aside(path, before, why or "it cannot be read")
+                continue
+            facts = next(known.facts for known in reversed(sums) if known.same_content(now))
+            self._adopt(path, dataclasses.replace(now, facts=facts), older=False)
+            return facts
+        raise StoreError(f"{path}: changed {MOST_CHANGES} times while it was read; allowed is a file that stays")
+
+    def save(self, path: Path, arrays: Arrays, version: str = "") -> None:
+        """Write arrays to one of the store's paths; `version` names what made them."""
         buffer = io.BytesIO()
         np.savez_compressed(buffer, **arrays)
-        with atomic_path(path) as temporary:
-            temporary.write_bytes(buffer.getvalue())
+        data = buffer.getvalue()
+        facts = {"version": version} if version else {}
+        self.write(path, lambda temporary: _write_bytes(temporary, data), facts, len(data))
 
     def load(self, path: Path) -> Arrays | None:
         """The arrays of one of the store's paths; None where there is nothing (or nothing whole)."""
+        return self.read(path, _read_arrays)
+
+    def _found(self, path: Path) -> tuple[int, int, int] | None:
+        return _identity(path) if self.fetch(path) else None
+
+    def _set_aside(self, path: Path, identity: tuple[int, int, int], why: str) -> None:
+        """Move a damaged file to `damaged/`, if it is still the one that was looked at, and say so."""
+        target = _free_name(self.folder / DAMAGED / path.relative_to(self.folder))
         try:
-            with np.load(path, allow_pickle=False) as archive:
-                return {name: archive[name] for name in archive.files}
+            target.parent.mkdir(parents=True, exist_ok=True)
+            if _identity(path) != identity:
+                return
+            path.rename(target)
+            if _identity(target) != identity:
+                # Another process made it anew in this very moment: a whole file goes back to its name.
+                target.replace(path)
+                return
+            if read_sums(path) == []:
+                sum_path(path).rename(sum_path(target))
         except FileNotFoundError:
-            return None
-        except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile):
-            # Cut short by another program: made again.
-            path.unlink(missing_ok=True)
-            return None
+            return  # another process was faster
+        except OSError as error:
+            raise StoreError(
+                f"{path}: {why}; it cannot be set aside ({error.strerror}), allowed is a store that can be written"
+            ) from error
+        _log.warning("%s: %s; set aside as %s", path, why, target)
+
+    def _adopt(self, path: Path, found: FileSum, older: bool = True) -> None:
+        # A store that cannot be written is as good without: its files are read whole each time.
+        with contextlib.suppress(OSError):
+            add_sum(path, dataclasses.replace(found, facts=found.facts | {"adopted": True}) if older else found)
+            if older and self.folder not in _adopting:
+                _adopting.add(self.folder)
+                _log.warning("%s: files of an older version are read whole once, and given checksums", self.folder)
+
+
+def _misfit(now: FileSum | None, sums: list[FileSum] | None) -> str:
+    """Why a file does not fit its sums; "" where it does, or where it is an older one without."""
+    if sums is None:
+        return ""
+    if not sums:
+        return "the file with its checksum is damaged"
+    if now is None:
+        return "it cannot be read"
+    if any(known.same_content(now) for known in sums):
+        return ""
+    if now.size_bytes != sums[-1].size_bytes:
+        return f"{now.size_bytes:,} bytes, {sums[-1].size_bytes:,} were written"
+    return "its bytes are not those that were written"
+
+
+def _identity(path: Path) -> tuple[int, int, int] | None:
+    """Inode, size in bytes, and time of change in ns; None where there is no file."""
+    try:
+        status = path.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    return status.st_ino, status.st_size, status.st_mtime_ns
+
+
+def _sum_or_none(path: Path) -> FileSum | None:
+    try:
+        return sum_of(path)
+    except OSError:
+        return None
+
+
+def _free_name(path: Path) -> Path:
+    """`path`, or the first with a number before its suffix that nothing has."""
+    number, free = 0, path
+    while free.exists():
+        number += 1
+        free = path.with_name(f"{path.stem}.{number}{path.suffix}")
+    return free
+
+
+def _write_bytes(path: Path, data: bytes) -> None:
+    path.write_bytes(data)
+
+
+def _read_arrays(path: Path) -> Arrays:
+    """The arrays of an archive, of which none is larger than what the archive holds of it.
+
+    Raises:
+        OSError, ValueError and the rest of `DAMAGE`: it is none, or is damaged.
+    """
+    with zipfile.ZipFile(path) as archive:
+        members = archive.infolist()
+        size = sum(member.file_size for member in members)
+        if size > MOST_BYTES:
+            raise ValueError(f"{size} bytes; allowed: at most {MOST_BYTES}")
+        for member in members:
+            with archive.open(member) as file:
+                version = np.lib.format.read_magic(file)
+                reader = {1: np.lib.format.read_array_header_1_0, 2: np.lib.format.read_array_header_2_0}[version[0]]
+                shape, _, dtype = reader(file)
+                # numpy makes room for what the header says before it finds that there is less.
+                if dtype.hasobject or math.prod(shape) * dtype.itemsize > member.file_size:
+                    raise ValueError(f"{member.filename} does not hold {shape} of {dtype}")
+    with np.load(path, allow_pickle=False) as archive:
+        return {name: archive[name] for name in archive.files}

@@ -15,14 +15,15 @@ largest_blur_modules = 1.0
 
 from __future__ import annotations
 
+import json
 import math
-import tomllib
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from pss.errors import RangeError
+from pss.files import read_toml
 from pss.noise.factors import (
     DEFAULT_CCD_NOISE,
     Defocus,
@@ -48,6 +49,9 @@ CALIBRATION_FACTORS = (
     "resolution",
 )
 CALIBRATION_LIMITS = ("smallest_module_px", "largest_blur_modules")
+
+# A longer value would push what is allowed out of sight.
+LONGEST_VALUE = 70
 
 
 def calibration_factor(
@@ -111,10 +115,7 @@ class Calibration:
         if self.limits:
             lines += ["", "[limits]", *(f"{limit} = {float(value)!r}" for limit, value in self.limits.items())]
         lines += ["", "[provenance]"]
-        lines += [
-            f"{key} = {_quoted(value) if isinstance(value, str) else repr(value)}"
-            for key, value in self.provenance.items()
-        ]
+        lines += [f"{_key(key)} = {_value(value)}" for key, value in self.provenance.items()]
         return "\n".join(lines) + "\n"
 
     @classmethod
@@ -124,37 +125,64 @@ class Calibration:
         Raises:
             RangeError: the file is missing or no TOML, or says something else than weights, limits, name, provenance.
         """
-        try:
-            content: dict[str, Any] = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-        except OSError as error:
-            raise RangeError(f"{path}: {error.strerror}; allowed: the path of a calibration (.toml)") from None
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise RangeError(f"{path}: no TOML ({error})") from None
+        if not Path(path).is_file():
+            raise RangeError(f"{path}: there is no such file; allowed: the path of a calibration (.toml)")
+        content = read_toml(path)
         if unknown := set(content) - {"name", "weights", "limits", "provenance"}:
-            raise RangeError(f"{path}: {sorted(unknown)[0]!r}; allowed: name, weights, limits, provenance")
+            raise RangeError(
+                f"{path}: {sorted(unknown)[0]!r:.{LONGEST_VALUE}}; allowed: name, weights, limits, provenance"
+            )
         weights = content.get("weights")
         if not isinstance(weights, dict) or not weights:
-            raise RangeError(f"{path}: weights = {weights!r}; allowed: a table of {', '.join(CALIBRATION_FACTORS)}")
+            raise RangeError(
+                f"{path}: weights = {_shown(weights)}; allowed: a table of {', '.join(CALIBRATION_FACTORS)}"
+            )
         for factor, weight in weights.items():
             if factor not in CALIBRATION_FACTORS:
-                raise RangeError(f"{path}: weights.{factor}; allowed: {', '.join(CALIBRATION_FACTORS)}")
+                raise RangeError(f"{path}: weights.{_shown(factor)}; allowed: {', '.join(CALIBRATION_FACTORS)}")
             if isinstance(weight, bool) or not isinstance(weight, int | float) or not 0 <= weight < math.inf:
-                raise RangeError(f"{path}: weights.{factor} = {weight!r}; allowed: 0 or more, finite")
+                raise RangeError(f"{path}: weights.{factor} = {_shown(weight)}; allowed: 0 or more, finite")
         if not any(weights.values()):
             raise RangeError(f"{path}: all weights are 0; allowed: at least one above")
         limits = content.get("limits", {})
         if not isinstance(limits, dict) or (limits and set(limits) != set(CALIBRATION_LIMITS)):
-            raise RangeError(f"{path}: limits = {limits!r}; allowed: none, or {' and '.join(CALIBRATION_LIMITS)}")
+            raise RangeError(f"{path}: limits = {_shown(limits)}; allowed: none, or {' and '.join(CALIBRATION_LIMITS)}")
         for limit, value in limits.items():
             if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
-                raise RangeError(f"{path}: limits.{limit} = {value!r}; allowed: above 0, finite")
+                raise RangeError(f"{path}: limits.{limit} = {_shown(value)}; allowed: above 0, finite")
+        name = content.get("name", Path(path).stem)
+        if not isinstance(name, str):
+            raise RangeError(f"{path}: name = {_shown(name)}; allowed: text")
+        provenance = content.get("provenance", {})
+        if not isinstance(provenance, dict):
+            raise RangeError(f"{path}: provenance = {_shown(provenance)}; allowed: a table of text and numbers")
+        for key, value in provenance.items():
+            if not isinstance(value, str | int | float):
+                raise RangeError(f"{path}: provenance.{_shown(key)} = {_shown(value)}; allowed: text or a number")
         return cls(
-            str(content.get("name", Path(path).stem)),
+            name,
             {key: float(value) for key, value in weights.items()},
-            content.get("provenance", {}),
+            provenance,
             {key: float(limits[key]) for key in CALIBRATION_LIMITS if limits},
         )
 
 
+def _shown(value: object) -> str:
+    """A value out of a file as a part of a line, shortened."""
+    text = value if isinstance(value, str) and value.isprintable() else repr(value)
+    return text if len(text) <= LONGEST_VALUE else text[: LONGEST_VALUE - 1] + "…"
+
+
 def _quoted(text: str) -> str:
-    return '"' + text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n") + '"'
+    # JSON's escapes are TOML's too, but for the one control character that JSON leaves as it is.
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _key(key: str) -> str:
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _quoted(key)
+
+
+def _value(value: str | int | float) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return _quoted(value) if isinstance(value, str) else repr(value)

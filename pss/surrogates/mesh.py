@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from pss.camera import as_points
 from pss.errors import GeometryError, MissingLibraryError, RangeError, ShapeError
 from pss.surrogates._checks import check_place, check_positive, turn_about_z
+from pss.surrogates._mesh_files import read_mesh
 from pss.surrogates._triangle_tree import TriangleTree
 
 __all__ = ["Mesh"]
@@ -24,6 +25,9 @@ __all__ = ["Mesh"]
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Bools = NDArray[np.bool_]
+
+# A longer reason would push the rest out of sight.
+LONGEST_REASON = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,39 +72,42 @@ class Mesh:
 
     @classmethod
     def from_file(cls, path: str | os.PathLike[str], *, name: str | None = None, scale: float = 1.0) -> Mesh:
-        """The mesh in a file of a format that trimesh reads without further libraries (STL, PLY, OBJ, OFF, GLB).
+        """The mesh in a file that ends in .stl, .ply, .obj, .off or .glb, of at most 64 MB and 2,000,000 faces.
 
-        Axes are taken as they are in the file: no format's idea of "up" is applied.
+        Axes are taken as they are in the file: no format's idea of "up" is applied. Nothing else is opened, whatever
+        materials and textures the file names; a GLB whose numbers are in another file is refused.
 
         Args:
             name: what to call it; the file's name without its suffix if None.
             scale: m, one unit of the file (0.001 for millimetres).
 
         Raises:
-            RangeError, ShapeError: no such file, none that can be read, or one with numbers that are not allowed.
+            RangeError, ShapeError: no such file, none that can be read, one that is too large, or one with numbers that
+                are not allowed.
             GeometryError: no triangles in it.
             MissingLibraryError: the format needs a library that is not there.
         """
         check_positive("Mesh.from_file", scale=scale)
         file = Path(path)
-        if not file.is_file():
+        if not os.path.isfile(file):
             raise RangeError(f"mesh {os.fspath(path)!r} is not a file; allowed: STL, PLY, OBJ, OFF or GLB")
-        # Slow to import, and nothing else of the metric needs it.
-        import trimesh
-
         try:
-            # Unprocessed: whatever is wrong with a file is to be reported, not mended.
-            loaded = trimesh.load_mesh(file, process=False)
-            vertices, faces = np.array(loaded.vertices, dtype=float), np.array(loaded.faces)
+            vertices, faces = read_mesh(file)
+        except OSError as error:
+            raise RangeError(f"mesh {os.fspath(path)!r} cannot be read ({error.strerror or error})") from error
+        except RangeError as error:
+            raise RangeError(f"mesh {os.fspath(path)!r} cannot be read ({error})") from error
         except ImportError as error:
             raise MissingLibraryError(f"mesh {os.fspath(path)!r}: {error}") from error
         except Exception as error:
             # Each of its readers fails in its own way on a damaged file: ValueError, IndexError, struct.error, …
             reason = f"{type(error).__name__}: {error}"
-            raise RangeError(f"mesh {os.fspath(path)!r} cannot be read ({reason})") from error
+            raise RangeError(f"mesh {os.fspath(path)!r} cannot be read ({_line(reason)})") from error
         if len(faces) == 0:
             raise GeometryError(f"mesh {os.fspath(path)!r} holds no triangles")
-        return cls(file.stem if name is None else name, scale * vertices, faces)
+        with np.errstate(over="ignore"):  # too large a number is refused as not finite
+            scaled = scale * vertices
+        return cls(file.stem if name is None else name, scaled, faces)
 
     @cached_property
     def digest(self) -> str:
@@ -159,3 +166,9 @@ class Mesh:
         """A copy turned about world z, as cameras pan (90° take +y to +x), and then moved by `translation_m` (3,)."""
         check_place("Mesh.moved", translation_m=translation_m)
         return Mesh(self.name, turn_about_z(self.vertices_m, turn_deg) + np.array(translation_m), self.faces)
+
+
+def _line(text: str) -> str:
+    """A message of a library, which may have any length and hold what is in the file, as a part of a line."""
+    text = " ".join(text.split())
+    return text if len(text) <= LONGEST_REASON else text[: LONGEST_REASON - 1] + "…"

@@ -56,7 +56,7 @@ def run(
     scene: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
     second_scene: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("results/bank"),
-    store: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("results/store"),
+    store: Annotated[str, tyro.conf.arg(metavar="DIR")] = "results/store",
     settings: int = 10,
     configurations: int = 500,
     trials: int = 10,
@@ -64,6 +64,7 @@ def run(
     seed: int = 1,
     set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="KEY=VALUE")] = (),
     variant: Literal["llvm_ad_mono", "cuda_ad_mono", "scalar_rgb"] | None = None,
+    allow_outside: bool = False,
 ) -> int:
     """Judge all metrics and noise models on configurations drawn from a bank of views.
 
@@ -71,7 +72,7 @@ def run(
         scene: scene file (default: the room).
         second_scene: another room, in which the calibration is judged without refitting (default: the atrium).
         out: folder for the results.
-        store: folder of rendered views and measurements, shared by all runs.
+        store: folder of rendered views and measurements, shared by all runs, or an address (docs/store.md).
         settings: views of each camera.
         configurations: of each of 2, 3, 4 and 6 cameras.
         trials: noisy captures of each render.
@@ -79,17 +80,21 @@ def run(
         seed: of settings, captures and draws.
         set: override a key of the scene file; may be repeated.
         variant: Mitsuba's variant (default: LLVM if a libLLVM is found, else scalar).
+        allow_outside: let files name others outside their folder (see "Files from others" in docs/scenes.md).
     """
     begin = time.perf_counter()
     console, errors = Console(width=140), Console(stderr=True)
     chosen = backend.choose(variant)
     console.print(str(chosen), markup=False)
     design = BankDesign(settings=settings, trials=trials, turns=turns, seed=seed)
-    first = load_scene(scene or SWEEPS.parent / "room.toml", set)
+    first = load_scene(scene or SWEEPS.parent / "room.toml", set, allow_outside=allow_outside)
     training = training_views(first, design, chosen.identity)
     held_out = held_out_views(first, design, chosen.identity)
     second_path = second_scene or SWEEPS.parent / SECOND_SCENE
-    second = held_out_views(load_scene(second_path), design, chosen.identity) if second_path.exists() else None
+    second = None
+    if second_path.exists():
+        other_scene = load_scene(second_path, allow_outside=allow_outside)
+        second = held_out_views(other_scene, design, chosen.identity)
     banks = [bank for bank in (training, held_out, second) if bank is not None]
     acquired = acquire_banks(banks, store, chosen, errors)
     if acquired is None:

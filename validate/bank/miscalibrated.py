@@ -35,13 +35,14 @@ CAMERAS = 4
 def run(
     scene: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("results/calibration-error"),
-    store: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("results/store"),
+    store: Annotated[str, tyro.conf.arg(metavar="DIR")] = "results/store",
     settings: int = 10,
     configurations: int = 200,
     trials: int = 10,
     turns: int = 2,
     seed: int = 1,
     variant: Literal["llvm_ad_mono", "cuda_ad_mono", "scalar_rgb"] | None = None,
+    allow_outside: bool = False,
 ) -> int:
     """Rank configurations of four cameras whose pan, tilt, focal length and place are off by unknown errors.
 
@@ -50,19 +51,20 @@ def run(
     Args:
         scene: scene file (default: the room).
         out: folder for the results.
-        store: folder of rendered views and measurements, shared by all runs.
+        store: folder of rendered views and measurements, shared by all runs, or an address (docs/store.md).
         settings: views of each camera.
         configurations: of four cameras.
         trials: noisy captures of each render.
         turns: renders of each view at slightly turned settings.
         seed: of settings, captures and draws.
         variant: Mitsuba's variant (default: LLVM if a libLLVM is found, else scalar).
+        allow_outside: let files name others outside their folder (see "Files from others" in docs/scenes.md).
     """
     console, errors = Console(width=140), Console(stderr=True)
     chosen = backend.choose(variant)
     console.print(str(chosen), markup=False)
     design = BankDesign(settings=settings, trials=trials, turns=turns, seed=seed)
-    loaded = load_scene(scene or SWEEPS.parent / "room.toml")
+    loaded = load_scene(scene or SWEEPS.parent / "room.toml", allow_outside=allow_outside)
     training = training_views(loaded, design, chosen.identity)
     bank = held_out_views(loaded, design, chosen.identity)
     acquired = acquire_banks([training, bank], store, chosen, errors)

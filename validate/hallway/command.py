@@ -18,7 +18,7 @@ from pss import RangeError
 from render import backend
 from scenes import load_scene
 from scenes.schedule_file import load_schedule
-from validate.acquire import Acquired, Acquisition, acquire
+from validate.acquire import Acquired, Acquisition, acquire, with_whole_views
 from validate.compare import correlation_rows
 from validate.hallway.agreement import ALL_RUNS, agreement_rows
 from validate.hallway.claims import claim_rows
@@ -34,6 +34,7 @@ from validate.hallway.strategies import Strategy
 from validate.hallway.study import FULL_MODEL, Design, assess_held, design_of
 from validate.hallway.training import calibrate_hallway, training_views
 from validate.progress import EXPECTED_SECONDS, ViewProgress, clock
+from validate.remote_store import open_store
 from validate.run import MEGABYTES_A_VIEW, check_folders, linked_views, versions
 from validate.store import Store, atomic_path, write_text
 from validate.tables import timing_rows, view_rows, write_csv
@@ -49,7 +50,7 @@ def run(
     /,
     scene: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
     out: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None,
-    store: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("results/store"),
+    store: Annotated[str, tyro.conf.arg(metavar="DIR")] = "results/store",
     trials: int | None = None,
     seed: int | None = None,
     strategy: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="FILE:FUNCTION")] = (),
@@ -57,6 +58,7 @@ def run(
     variant: Literal["llvm_ad_mono", "cuda_ad_mono", "scalar_rgb"] | None = None,
     real_walk: bool = True,
     dry_run: bool = False,
+    allow_outside: bool = False,
 ) -> int:
     """Predict and measure how strategies steer cameras at two people who pass each other.
 
@@ -64,7 +66,7 @@ def run(
         schedule: name of a file in scenes/schedules, or the path of such a file.
         scene: scene file to use in place of the schedule's own.
         out: folder for the results (default: results/ and the schedule's name).
-        store: folder of rendered views and measurements, shared by all runs.
+        store: folder of rendered views and measurements, shared by all runs, or an address (docs/store.md).
         trials: noisy captures of each view, in place of the schedule's own number.
         seed: of the run, in place of the schedule's own.
         strategy: a strategy of one's own beside the schedule's: a Python file, which is run, and a function in it.
@@ -72,6 +74,7 @@ def run(
         variant: Mitsuba's variant (default: LLVM if a libLLVM is found, else scalar).
         real_walk: whether to render and track the walk frame by frame as well, if the schedule asks for it.
         dry_run: say what would be done, and stop.
+        allow_outside: let files name others outside their folder (see "Files from others" in docs/scenes.md).
     """
     begin = time.perf_counter()
     # In a file or a pipe the tables keep their columns.
@@ -79,12 +82,13 @@ def run(
     overrides = list(set)
     overrides += [f"sweep.trials={trials}"] if trials is not None else []
     overrides += [f"sweep.seed={seed}"] if seed is not None else []
-    file = load_schedule(schedule, overrides)
+    file = load_schedule(schedule, overrides, allow_outside=allow_outside)
     folder = out or Path("results") / file.name
     check_folders(folder, store)
     own = dict(own_strategy(each) for each in strategy)
     strategies_of(file, own)  # raises what is wrong with them
-    stage = stage_of(file, load_scene(scene or file.scene_path, overrides))
+    stage = stage_of(file, load_scene(scene or file.scene_path, overrides, allow_outside=allow_outside))
+    opened = open_store(store)
     chosen = backend.choose(variant)
     console.print(str(chosen), markup=False)
     for warning in stage.scene.warnings:
@@ -97,9 +101,9 @@ def run(
     wanted = [item for place in training for item in place.wanted] + design.wanted
     wanted += [] if real is None else real.wanted
     if dry_run:
-        _announce(design, wanted, Store(store), console)
+        _announce(design, wanted, opened, console)
         return 0
-    acquired = acquire(wanted, Store(store), chosen, lambda total: ViewProgress(total, errors))
+    acquired = acquire(wanted, opened, chosen, lambda total: ViewProgress(total, errors))
     for key, cause in acquired.failed.items():
         errors.print(f"view {key} failed: {cause}", markup=False, style="red")
     if acquired.failed:
@@ -126,12 +130,18 @@ def run(
     }
     for name, rows in tables.items():
         write_csv(folder / f"{name}.csv", rows)
-    linked_views(folder, [item.request.key for item in wanted], Store(store))
+    linked_views(folder, [item.request.key for item in wanted], opened)
     _draw(folder, both)
     if real is not None:
         tracked = track_real_walk(real, acquired, calibration)
         told = file.said.process.acceleration_density_m2_s3
-        write_real_walk(folder, tracked, Store(store), file.said.seed, told)
+        with_whole_views(
+            lambda: write_real_walk(folder, tracked, opened, file.said.seed, told),
+            wanted,
+            opened,
+            chosen,
+            lambda total: ViewProgress(total, errors),
+        )
     seconds = {"views": after_views - begin, "total": time.perf_counter() - begin}
     _write_run(folder, design, chosen.identity, acquired, seconds)
     _show(tables, console)
@@ -177,8 +187,8 @@ def _run_of(runs: list[Run], strategy: str) -> int | None:
 
 def _announce(design: Design, wanted: list[Acquisition], store: Store, console: Console) -> None:
     unique = list(dict.fromkeys(wanted))
-    missing = [item for item in unique if not store.view(item.request.key).exists()]
-    unmeasured = [item for item in unique if not item.task(store).path.exists()]
+    missing = [item for item in unique if not store.has(store.view(item.request.key))]
+    unmeasured = [item for item in unique if not store.has(item.task(store).path)]
     console.print(
         f"{design.schedule.name}: {len(design.runs)} runs of {len(design.scenes)} steps; {len(unique)} views: "
         f"{len(missing)} to render, {len(unmeasured)} to measure; about {clock(EXPECTED_SECONDS * len(unmeasured))} "

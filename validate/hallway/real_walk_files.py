@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from render.exr import read_view
 from render.view import random_stream
 from validate.hallway.film import write_film
 from validate.hallway.picture import FilmFrame
@@ -17,6 +16,7 @@ from validate.hallway.real_walk import TrackedWalk
 from validate.hallway.stage import stance_in
 from validate.hallway.trajectories import Poses, body_poses, torso_pose, torso_reference_m, write_walk
 from validate.store import Store
+from validate.stored_views import stored_view
 from validate.tables import write_csv
 
 __all__ = ["film_frames", "torso_trajectories", "write_real_walk"]
@@ -34,6 +34,9 @@ def write_real_walk(folder: Path, tracked: TrackedWalk, store: Store, seed: int,
 
     Args:
         told_m2_s3: m²/s³, the acceleration density that the schedule tells the metric.
+
+    Raises:
+        DamagedViewError: a view of the film is not in the store, or was found damaged and set aside.
     """
     write_csv(folder / "walk.csv", tracked.frame_rows())
     rng = random_stream(seed, tracked.real.strategy, "walk consistency")
@@ -94,7 +97,7 @@ def film_frames(tracked: TrackedWalk, store: Store) -> Iterator[FilmFrame]:
     for frame, (cameras, views) in enumerate(zip(real.steered.cameras, real.views, strict=True)):
         images, found = [], []
         for number, item in enumerate(views):
-            view = read_view(store.view(item.request.key))
+            view = stored_view(store, item.request.key)
             images.append(np.maximum(view.capture_dn.astype(float) - view.sensor.black_level_dn, 0.0))
             pixels = tracked.pixels[frame, number, SHOWN_TRIAL]
             found.append(pixels[np.isfinite(pixels[:, 0])])

@@ -12,7 +12,7 @@ __all__ = ["main", "run"]
 
 def run(
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("results/pixel-noise"),
-    store: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("results/store"),
+    store: Annotated[str, tyro.conf.arg(metavar="DIR")] = "results/store",
     seed: Annotated[int, tyro.conf.arg(metavar="N")] = 0,
     trials: Annotated[int | None, tyro.conf.arg(metavar="N")] = None,
     quick: bool = False,
@@ -21,7 +21,7 @@ def run(
 
     Args:
         out: folder for the results.
-        store: folder of measurements, shared by all runs.
+        store: folder of measurements, shared by all runs, or an address (docs/store.md).
         seed: of poses, combinations and noise.
         trials: noisy captures of each render (default: 20; with --quick 6).
         quick: few levels and poses, to see that all works.
@@ -38,7 +38,7 @@ def run(
         raise RangeError(f"--trials {trials}; allowed: 2 or more (a spread needs two)")
     if seed < 0:
         raise RangeError(f"--seed {seed}; allowed: 0 or more")
-    for flag, folder in (("--out", out), ("--store", store)):
+    for flag, folder in (("--out", out), ("--store", Path(store))):
         if folder.exists() and not folder.is_dir():
             raise StoreError(f"{flag} {folder} is a file; allowed is a folder")
     wide = None if sys.stdout.isatty() else 140

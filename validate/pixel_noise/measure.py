@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,12 +16,13 @@ from numpy.typing import NDArray
 from pss import ImageSensor
 from render import backend
 from render.sensor import FixedPattern, capture, expected_electrons, fixed_pattern
-from render.view import Renderer, random_stream
-from validate.measure import DETECTOR, WorkerPool, measure_capture
+from render.view import RENDER_VERSION, Renderer, random_stream
+from validate.measure import DETECTOR, measure_capture
 from validate.pixel_noise.design import Plan, Shot
 from validate.pixel_noise.laboratory import DICTIONARY, Setup
 from validate.progress import ViewProgress
 from validate.store import Store
+from validate.worker_queue import WorkerQueue
 
 __all__ = ["Measured", "measure_all"]
 
@@ -95,17 +95,13 @@ def measure_all(
     keys = [shot.request(chosen.identity).key for shot in plan.shots]
     paths = [_path(store, key, shot, seed, plan.trials) for key, shot in zip(keys, plan.shots, strict=True)]
     # The centre point belongs to several series.
-    missing = {path: number for number, path in enumerate(paths) if not path.exists()}
+    loaded = {path: store.load(path) for path in dict.fromkeys(paths)}
+    missing = {path: number for number, path in enumerate(paths) if loaded[path] is None}
     with progress_for(len(missing)) as progress:
         if missing:
-            pool = WorkerPool(max(1, os.cpu_count() or 1))
-            try:
-                _make(plan, store, chosen, seed, keys, missing, pool, progress)
-            except BaseException:
-                pool.stop()
-                raise
-            pool.shutdown()
-    return [_load(shot, store, path) for shot, path in zip(plan.shots, paths, strict=True)]
+            _make(plan, store, chosen, seed, keys, missing, progress)
+    loaded |= {path: store.load(path) for path in missing}
+    return [_measured(shot, loaded[path]) for shot, path in zip(plan.shots, paths, strict=True)]
 
 
 def _path(store: Store, key: str, shot: Shot, seed: int, trials: int) -> Path:
@@ -113,8 +109,7 @@ def _path(store: Store, key: str, shot: Shot, seed: int, trials: int) -> Path:
     return store.measurement(key, detector, seed, trials)
 
 
-def _load(shot: Shot, store: Store, path: Path) -> Measured:
-    arrays = store.load(path)
+def _measured(shot: Shot, arrays: Arrays | None) -> Measured:
     assert arrays is not None
     return Measured(
         shot,
@@ -134,26 +129,34 @@ def _make(
     seed: int,
     keys: Sequence[str],
     missing: dict[Path, int],
-    pool: WorkerPool,
     progress: ViewProgress,
 ) -> None:
     by_view: dict[str, list[tuple[Path, int]]] = {}
     for path, number in missing.items():
         by_view.setdefault(keys[number], []).append((path, number))
-    waiting: dict[Future[Arrays], tuple[Path, float]] = {}
-    for key, wanted in by_view.items():
-        view = _view(plan.shots[wanted[0][1]], key, store, chosen)
-        for path, number in wanted:
-            setup = plan.shots[number].setup
-            electrons = np.asarray(expected_electrons(view["radiance"], setup.camera, setup.sensor), dtype=np.float32)
-            pattern = fixed_pattern(setup.camera, setup.sensor)
-            task = Task(setup.sensor, setup.pose.marker_id, seed, key, plan.trials)
-            future = pool.submit(find_and_bound, task, electrons, pattern, setup)
-            waiting[future] = path, float(view["render_noise_ratio"])
-        while len(waiting) > MOST_WAITING:
-            _collect(waiting, store, progress)
-    while waiting:
-        _collect(waiting, store, progress)
+
+    def done(item: tuple[Path, float], found: Arrays | None, error: BaseException | None) -> None:
+        path, noise = item
+        if found is None:
+            assert error is not None
+            raise error
+        store.save(path, found | {"render_noise_ratio": np.array(noise)}, DETECTOR)
+        progress.advance("measured")
+
+    workers = max(1, os.cpu_count() or 1)
+    with WorkerQueue[tuple[Path, float], Arrays](workers, MOST_WAITING, done) as queue:
+        for key, wanted in by_view.items():
+            view = _view(plan.shots[wanted[0][1]], key, store, chosen)
+            for path, number in wanted:
+                setup = plan.shots[number].setup
+                electrons = np.asarray(
+                    expected_electrons(view["radiance"], setup.camera, setup.sensor), dtype=np.float32
+                )
+                pattern = fixed_pattern(setup.camera, setup.sensor)
+                task = Task(setup.sensor, setup.pose.marker_id, seed, key, plan.trials)
+                item = path, float(view["render_noise_ratio"])
+                queue.submit(item, find_and_bound, task, electrons, pattern, setup)
+        queue.drain()
 
 
 def _view(shot: Shot, key: str, store: Store, chosen: backend.Backend) -> Arrays:
@@ -163,13 +166,5 @@ def _view(shot: Shot, key: str, store: Store, chosen: backend.Backend) -> Arrays
     if arrays is None:
         view = Renderer(shot.setup.state, shot.setup.baked(), chosen).render(shot.request(chosen.identity))
         arrays = {"radiance": view.radiance, "render_noise_ratio": np.array(view.certificate.edge_rms)}
-        store.save(path, arrays)
+        store.save(path, arrays, f"render {RENDER_VERSION}")
     return arrays
-
-
-def _collect(waiting: dict[Future[Arrays], tuple[Path, float]], store: Store, progress: ViewProgress) -> None:
-    done, _ = wait(waiting, return_when=FIRST_COMPLETED)
-    for future in done:
-        path, noise = waiting.pop(future)
-        store.save(path, future.result() | {"render_noise_ratio": np.array(noise)})
-        progress.advance("measured")

@@ -19,7 +19,8 @@ from validate.pixel_noise.figure import draw
 from validate.pixel_noise.measure import measure_all
 from validate.pixel_noise.rows import JOINT, exponent_rows, joint_law, level_rows, render_rows
 from validate.progress import ViewProgress, clock
-from validate.store import Store, write_text
+from validate.remote_store import open_store
+from validate.store import write_text
 from validate.tables import write_csv
 
 __all__ = ["make"]
@@ -27,13 +28,13 @@ __all__ = ["make"]
 PACKAGES = ("mitsuba", "drjit", "opencv-contrib-python-headless", "numpy", "scipy")
 
 
-def make(out: Path, store: Path, seed: int, trials: int | None, quick: bool, console: Console, errors: Console) -> None:
+def make(out: Path, store: str, seed: int, trials: int | None, quick: bool, console: Console, errors: Console) -> None:
     """Measure; write the three tables, `run.json` and the figure; print the exponents."""
     begin = time.perf_counter()
     chosen = backend.choose()
     console.print(str(chosen), markup=False)
     plan = make_plan(seed, trials, quick)
-    measured = measure_all(plan, Store(store), chosen, seed, lambda total: ViewProgress(total, errors))
+    measured = measure_all(plan, open_store(store), chosen, seed, lambda total: ViewProgress(total, errors))
     law = joint_law(measured, seed=seed)
     levels, exponents = level_rows(measured), exponent_rows(measured, law)
     write_csv(out / "pixel_noise.csv", levels)

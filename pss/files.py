@@ -1,0 +1,128 @@
+"""Files that others may have written: read whole or refused, and never more of them than is allowed."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+import tomllib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from pss.errors import RangeError
+
+__all__ = ["DEEPEST_TABLE", "MOST_TOML_BYTES", "check_values", "is_inside", "read_bounded", "read_toml"]
+
+# A hundred times the longest file that comes with the project; a thousand cameras take half of it.
+MOST_TOML_BYTES = 512 * 1024
+# No file of the project goes deeper than six; Python's own stack, which each level uses, holds a few hundred.
+DEEPEST_TABLE = 32
+# TOML's own range; beyond it some numbers could be read, but not be written or be made a float.
+LARGEST_INTEGER = 2**63 - 1
+# Beyond any measure in any unit, and still so that products and quotients of several are numbers.
+SMALLEST_NUMBER, LARGEST_NUMBER = 1e-30, 1e30
+
+# A dotted key of more parts than tables may be deep: the time to read one grows with the square of its parts.
+# Possessive (+): without them the search for it would take as long.
+_LONG_KEY = re.compile(
+    r"""(?<![\w.-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){%d}""" % DEEPEST_TABLE  # noqa: UP031
+)
+
+
+def is_inside(path: str | os.PathLike[str], folders: Iterable[str | os.PathLike[str]]) -> bool:
+    """Whether `path` lies in one of `folders` or below, when all symbolic links are followed; it need not exist."""
+    try:
+        real = Path(path).resolve()
+        return any(real.is_relative_to(Path(folder).resolve()) for folder in folders)
+    except (OSError, ValueError, RuntimeError):
+        # A null character, or links that go round in a circle: nowhere.
+        return False
+
+
+def read_bounded(path: str | os.PathLike[str], most_bytes: int) -> bytes:
+    """The bytes of a file that has at most `most_bytes`.
+
+    Raises:
+        RangeError: it has more; one line, which starts with the size.
+        OSError: it cannot be read.
+    """
+    with open(path, "rb") as file:
+        content = file.read(most_bytes + 1)
+        if len(content) > most_bytes:
+            size = max(os.fstat(file.fileno()).st_size, len(content))
+            raise RangeError(f"{size} bytes; allowed: at most {most_bytes}")
+    return content
+
+
+def read_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """The document in a TOML file of at most `MOST_TOML_BYTES`, whose tables are at most `DEEPEST_TABLE` deep.
+
+    Raises:
+        RangeError: one line that starts with the path: the file is not there, cannot be read, is larger or deeper than
+            that, or is no TOML (then with line and column).
+    """
+    text = ""
+    try:
+        text = read_bounded(path, MOST_TOML_BYTES).decode("utf-8")
+        if found := _LONG_KEY.search(text):
+            number = text.count("\n", 0, found.start()) + 1
+            raise RangeError(
+                f"line {number}: a key of more than {DEEPEST_TABLE} parts; allowed: at most {DEEPEST_TABLE}"
+            )
+        document = tomllib.loads(text)
+        check_values(document)
+    except FileNotFoundError:
+        raise RangeError(f"{path}: there is no such file") from None
+    except UnicodeDecodeError as error:
+        raise RangeError(f"{path}: byte {error.start} is no UTF-8, which TOML must be") from None
+    except OSError as error:
+        raise RangeError(f"{path}: {error.strerror}") from None
+    except RecursionError:
+        raise RangeError(f"{path}: lists or tables too deep; allowed: at most {DEEPEST_TABLE} levels") from None
+    except tomllib.TOMLDecodeError as error:
+        reason, _, place = str(error).rpartition(" (at ")
+        found = re.fullmatch(r"line (\d+), column (\d+)\)", place)
+        lines = text.split("\n")
+        line, column = found.groups() if found else (str(len(lines)), str(len(lines[-1]) + 1))
+        raise RangeError(f"{path}: line {line}, column {column}: {reason or error}") from None
+    except ValueError as error:
+        # What is wrong with a value itself (a number of thousands of digits, a date in month 13), or a `RangeError`.
+        raise RangeError(f"{path}: {error}") from None
+    return document
+
+
+def check_values(document: dict[str, Any]) -> None:
+    """That nothing in a document lies too deep, and that its numbers can be reckoned with.
+
+    Raises:
+        RangeError: tables or lists deeper than `DEEPEST_TABLE`, a whole number that TOML does not have, or a number
+            that is not 0 and farther from 1 than `LARGEST_NUMBER` or `SMALLEST_NUMBER`.
+    """
+    # Without recursion, as it is about that.
+    level: list[tuple[str, object]] = [("", document)]
+    for _ in range(DEEPEST_TABLE + 1):
+        if not level:
+            return
+        below: list[tuple[str, object]] = []
+        for key, value in level:
+            if isinstance(value, dict):
+                below += ((str(name), item) for name, item in value.items())
+            elif isinstance(value, list):
+                below += ((key, item) for item in value)
+            elif isinstance(value, int):
+                if abs(value) > LARGEST_INTEGER:
+                    bits = value.bit_length()
+                    raise RangeError(
+                        f"{key!r:.60} has a whole number of {bits} bits; allowed: within ±{LARGEST_INTEGER}"
+                    )
+            elif isinstance(value, float) and not _is_measure(value):
+                allowed = f"0, or of a size from {SMALLEST_NUMBER:g} to {LARGEST_NUMBER:g}"
+                raise RangeError(f"{key!r:.60} has the number {value!r}; allowed: {allowed}")
+        level = below
+    raise RangeError(f"lists or tables too deep; allowed: at most {DEEPEST_TABLE} levels")
+
+
+def _is_measure(value: float) -> bool:
+    # What is no number is told where a number is wanted, with the key's own range.
+    return value == 0 or not math.isfinite(value) or SMALLEST_NUMBER <= abs(value) <= LARGEST_NUMBER

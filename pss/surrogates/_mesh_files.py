@@ -1,0 +1,132 @@
+"""Mesh files of strangers: of few formats and bounded size, read without opening anything that they name."""
+
+from __future__ import annotations
+
+import io
+import json
+import struct
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pss.errors import RangeError
+from pss.files import read_bounded
+
+__all__ = ["FORMATS", "MOST_BYTES", "MOST_CORNERS", "read_mesh"]
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+FORMATS = ("stl", "ply", "obj", "off", "glb")
+# A million faces as text; trimesh takes about ten times as much memory to read it.
+MOST_BYTES = 64 * 2**20
+# Of vertices, and of faces: what 64 MB can hold. A GLB may show one mesh many times, and so have more than its bytes.
+MOST_CORNERS = 2_000_000
+# Of the tree of a GLB: trimesh walks from the root to each node anew.
+MOST_NODES = 5_000
+DEEPEST_NODE = 64
+
+_BYTES_OF = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
+_NUMBERS_OF = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+_JSON_CHUNK = 0x4E4F534A
+
+
+class _NoFiles:
+    """In place of trimesh's resolver, which opens the materials, textures and buffers that a file names."""
+
+    def get(self, name: str) -> NoReturn:
+        raise RangeError(f"it names another file, {str(name)[:60]!r}; allowed: a mesh that is whole in its own file")
+
+
+def read_mesh(path: Path) -> tuple[Floats, Any]:
+    """The vertices (V, 3) and faces (F, 3) in the file at `path`, whose ending is its format, in the file's units.
+
+    Materials and textures are not read, and no other file is opened.
+
+    Raises:
+        RangeError: it is of another format, larger than `MOST_BYTES` or `MOST_CORNERS`, or needs another file.
+        Exception: of any kind that trimesh's readers fail with on a damaged file.
+    """
+    suffix = path.suffix.lower().removeprefix(".")
+    if suffix not in FORMATS:
+        raise RangeError(f"its ending is {path.suffix!r}; allowed: {', '.join(f'.{name}' for name in FORMATS)}")
+    content = read_bounded(path, MOST_BYTES)
+    if suffix == "glb":
+        _check_glb(content)
+    # Slow to import, and nothing else of the metric needs it.
+    import trimesh
+
+    # Unprocessed: whatever is wrong with a file is to be reported, not mended. Out of memory, so that no folder is
+    # known in which to look for other files.
+    loaded = trimesh.load_mesh(
+        io.BytesIO(content), file_type=suffix, resolver=_NoFiles(), skip_materials=True, process=False
+    )
+    _check_count("vertices", len(loaded.vertices))
+    _check_count("faces", len(loaded.faces))
+    return np.array(loaded.vertices, dtype=float), np.array(loaded.faces)
+
+
+def _check_count(what: str, count: int) -> None:
+    if count > MOST_CORNERS:
+        raise RangeError(f"{count} {what}; allowed: at most {MOST_CORNERS}")
+
+
+def _check_glb(content: bytes) -> None:
+    """What the header promises is in the file, and the meshes that it shows are not too many.
+
+    Raises:
+        RangeError: it is not so.
+        Exception: KeyError and the like, where a part of the header is missing or of another kind.
+    """
+    magic, _, _, length, kind = struct.unpack_from("<4sIIII", content)
+    if magic != b"glTF" or kind != _JSON_CHUNK:
+        raise RangeError("it does not begin as a GLB; allowed: binary glTF")
+    header = json.loads(content[20 : 20 + length])
+    for buffer in header.get("buffers", ()):
+        if "uri" in buffer:
+            raise RangeError("its numbers are in another file (uri); allowed: a mesh that is whole in its own file")
+    accessors = header.get("accessors", [])
+    promised = 0
+    for accessor in accessors:
+        count = _whole(accessor["count"])
+        if count and "bufferView" not in accessor:
+            raise RangeError("numbers that the file does not hold (sparse or compressed); allowed: plain accessors")
+        promised += count * _NUMBERS_OF[accessor["type"]] * _BYTES_OF[accessor["componentType"]]
+    if promised > MOST_BYTES:
+        raise RangeError(f"its header promises {promised} bytes; allowed: at most {MOST_BYTES}")
+    nodes = header.get("nodes", [])
+    _check_tree(nodes, [root for scene in header.get("scenes", ()) for root in scene.get("nodes", ())])
+    faces = [_faces_of(mesh["primitives"], accessors) for mesh in header.get("meshes", ())]
+    _check_count("faces", sum(faces[_whole(node["mesh"])] for node in nodes if "mesh" in node))
+
+
+def _faces_of(primitives: Iterable[dict[str, Any]], accessors: list[dict[str, Any]]) -> int:
+    # At most: strips have as many triangles as corners.
+    corners = (part.get("indices", part["attributes"].get("POSITION")) for part in primitives)
+    return sum(int(accessors[_whole(corner)]["count"]) for corner in corners if corner is not None)
+
+
+def _check_tree(nodes: list[dict[str, Any]], roots: list[int]) -> None:
+    """That no node is in two places, of which there might be any number, or too deep."""
+    if len(nodes) > MOST_NODES:
+        raise RangeError(f"{len(nodes)} nodes; allowed: at most {MOST_NODES}")
+    seen: set[int] = set()
+    level = [_whole(root) for root in roots]
+    for _ in range(DEEPEST_NODE):
+        for number in level:
+            if number in seen:
+                raise RangeError(f"node {number} is in two places; allowed: a tree of nodes, as glTF has it")
+            seen.add(number)
+        level = [_whole(child) for number in level for child in nodes[number].get("children", ())]
+        if not level:
+            return
+    raise RangeError(f"nodes within nodes; allowed: at most {DEEPEST_NODE} deep")
+
+
+def _whole(value: object) -> int:
+    if not isinstance(value, int) or value < 0:
+        raise RangeError(f"{value!r:.60} stands for a number; allowed: a whole number, 0 or more")
+    return value

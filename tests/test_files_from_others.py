@@ -1,0 +1,647 @@
+"""Files from others: none outside their folder is opened, nothing grows without end, and each refusal is one line."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import re
+import shutil
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+import trimesh
+
+import pss.files
+import render.images
+import scenes.errors
+import scenes.mesh_file
+from pss import GeometryError, PSSError
+from pss.files import DEEPEST_TABLE, MOST_TOML_BYTES, is_inside, read_toml
+from pss.noise.calibrated import Calibration
+from pss.surrogates import Mesh, _mesh_files
+from render.backdrop import read_backdrop
+from render.state import Light, MarkerPrint, Room, SceneState
+from scenes import SceneError, load_scene, load_sweep
+from scenes.schedule_file import load_schedule
+from validate.run_sweep import main
+from validate.store import Store
+
+FOLDER = Path(pss.files.__file__).parents[1] / "scenes"
+ROOM = (FOLDER / "room.toml").read_text(encoding="utf-8")
+ZOOM = (FOLDER / "sweeps" / "zoom.toml").read_text(encoding="utf-8")
+WALK = (FOLDER / "schedules" / "hallway.toml").read_text(encoding="utf-8")
+CRATE = """
+[[objects]]
+name = "crate"
+kind = "mesh"
+file = "{file}"
+position_m = [-1.5, 1.0, 0.5]
+albedo = 0.5
+"""
+CUBE = '<shape type="cube" id="crate"><transform name="to_world"><scale value="0.2"/></transform></shape>'
+
+
+def crate(path: Path) -> Path:
+    trimesh.creation.box(extents=(0.3, 0.3, 0.3)).export(path)
+    return path
+
+
+def write(path: Path, text: str) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def changed(text: str, old: str, new: str) -> str:
+    assert old in text
+    return text.replace(old, new, 1)
+
+
+def problem_of(read, *arguments, **options) -> str:
+    """The one line with which something is refused."""
+    with pytest.raises(PSSError) as caught:
+        read(*arguments, **options)
+    text = str(caught.value)
+    assert "\n" not in text
+    assert text.isprintable()
+    return text
+
+
+# ---- paths -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def home(tmp_path) -> Path:
+    """A folder with a scene's folder in it, and a mesh and a picture beside that."""
+    crate(tmp_path / "crate.ply")
+    (tmp_path / "mine").mkdir()
+    return tmp_path
+
+
+@pytest.mark.parametrize("way", ["up", "absolute", "link", "link of a folder"])
+def test_a_scene_does_not_open_files_outside_its_folder(home, way):
+    mine = home / "mine"
+    (mine / "link.ply").symlink_to(home / "crate.ply")
+    (mine / "folder").symlink_to(home)
+    file = {"up": "../crate.ply", "absolute": str(home / "crate.ply"), "link": "link.ply"}.get(way, "folder/crate.ply")
+    path = write(mine / "scene.toml", ROOM + CRATE.format(file=file))
+    said = problem_of(load_scene, path)
+    assert said.startswith(f'{path}: objects.crate.file = "')
+    assert "leads outside (--allow-outside" in said
+    scene = load_scene(path, allow_outside=True)
+    assert scene.state.objects[-1].shape.name == "crate"
+    # What was allowed once stays so where the scene is changed.
+    assert scene.with_settings({"sensor.exposure_ms": 3.0}).state.objects[-1].shape.name == "crate"
+
+
+def test_nothing_is_told_of_what_is_outside(home):
+    """The line is the same whether there is such a file or not."""
+    lines = []
+    for file in ("../crate.ply", "../there-is-none.ply"):
+        path = write(home / "mine" / "scene.toml", ROOM + CRATE.format(file=file))
+        lines.append(problem_of(load_scene, path).replace(file, "FILE"))
+    assert lines[0] == lines[1]
+
+
+def test_folders_below_and_links_within_are_inside(home):
+    mine = home / "mine"
+    (mine / "parts").mkdir()
+    crate(mine / "parts" / "crate.ply")
+    (mine / "link.ply").symlink_to("parts/crate.ply")
+    for file in ("parts/crate.ply", "parts/../parts/crate.ply", "link.ply", str(mine / "parts" / "crate.ply")):
+        assert load_scene(write(mine / "scene.toml", ROOM + CRATE.format(file=file))).state.objects[-1].shape.name
+
+
+def test_a_step_of_a_sweep_does_not_lead_outside_either(home):
+    crate(home / "mine" / "crate.ply")
+    scene = load_scene(write(home / "mine" / "scene.toml", ROOM + CRATE.format(file="crate.ply")))
+    with pytest.raises(SceneError, match="leads outside"):
+        scene.with_settings({"objects.crate.file": "../crate.ply"})
+
+
+@pytest.mark.parametrize("file", ["a\\u0000b.ply", "x" * 5000 + ".ply", "/dev/zero", "pipe.ply"])
+def test_paths_that_are_no_files_are_one_line(home, file):
+    os.mkfifo(home / "mine" / "pipe.ply")
+    path = write(home / "mine" / "scene.toml", ROOM + CRATE.format(file=file))
+    for outside in (False, True):
+        assert "objects.crate.file = " in problem_of(load_scene, path, allow_outside=outside)
+
+
+def test_is_inside_by_hand(tmp_path):
+    (tmp_path / "a").mkdir()
+    (tmp_path / "ab").mkdir()
+    (tmp_path / "a" / "round").symlink_to("round")
+    assert is_inside(tmp_path / "a" / "b" / "c", [tmp_path / "a"])
+    assert is_inside(tmp_path / "a", [tmp_path / "ab", tmp_path / "a"])
+    for outside in ("ab/c", "a/../ab", "a/..", "a/round/x", "a/\0"):
+        assert not is_inside(tmp_path / outside, [tmp_path / "a"])
+
+
+def test_a_sweep_names_scenes_of_its_folder_of_the_project_or_above_a_folder_of_sweeps(tmp_path):
+    above = write(tmp_path / "room.toml", ROOM)
+    for folder, allowed in (("sweeps", True), ("mine", False)):
+        path = write(tmp_path / folder / "zoom.toml", ZOOM)
+        if allowed:
+            assert load_sweep(path).scene_path == above
+        else:
+            said = problem_of(load_sweep, path)
+            assert said.startswith(f'{path}: scene = "../room.toml"; allowed: a scene that comes with the project')
+            assert load_sweep(path, allow_outside=True).scene_path == above
+    near = write(tmp_path / "mine" / "zoom.toml", changed(ZOOM, "../room.toml", "room.toml"))
+    assert load_sweep(near).scene_path == tmp_path / "mine" / "room.toml"
+    shipped = write(tmp_path / "mine" / "zoom.toml", changed(ZOOM, "../room.toml", str(FOLDER / "room.toml")))
+    assert load_sweep(shipped).scene_path == FOLDER / "room.toml"
+    # A folder two above is not one above.
+    far = write(tmp_path / "deep" / "sweeps" / "zoom.toml", changed(ZOOM, "../room.toml", "../../room.toml"))
+    assert "leads outside" in problem_of(load_sweep, far)
+
+
+def test_a_schedule_names_scenes_as_a_sweep_does(tmp_path):
+    path = write(tmp_path / "mine" / "walk.toml", WALK)
+    assert "leads outside" in problem_of(load_schedule, path)
+    assert load_schedule(path, allow_outside=True).scene_path == tmp_path / "hallway.toml"
+    assert load_schedule(write(tmp_path / "schedules" / "walk.toml", WALK)).scene_path == tmp_path / "hallway.toml"
+
+
+def test_a_sweep_does_not_wait_for_a_pipe(tmp_path):
+    os.mkfifo(tmp_path / "room.toml")
+    path = write(tmp_path / "zoom.toml", changed(ZOOM, "../room.toml", "room.toml"))
+    assert "scene = " in problem_of(load_sweep, path)
+
+
+def test_the_command_has_the_option(tmp_path, capsys):
+    write(tmp_path / "closet.toml", ROOM)
+    path = write(tmp_path / "mine" / "zoom.toml", changed(ZOOM, "../room.toml", "../closet.toml"))
+    arguments = [str(path), "--dry-run", "--out", str(tmp_path / "out"), "--store", str(tmp_path / "store")]
+    assert main(arguments) == 2
+    assert "--allow-outside" in capsys.readouterr().err
+    assert main([*arguments, "--allow-outside"]) == 0
+
+
+@pytest.mark.parametrize("command", ["bank", "calibration-error", "schedule"])
+def test_the_other_commands_have_it_too(command, capsys):
+    with pytest.raises(SystemExit):
+        main([command, "--help"])
+    assert "--allow-outside" in capsys.readouterr().out
+
+
+# ---- sizes -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"#" * (MOST_TOML_BYTES + 1), f"{MOST_TOML_BYTES + 1} bytes; allowed: at most {MOST_TOML_BYTES}"),
+        (b"x = " + b"[" * 100_000, "too deep; allowed: at most 32 levels"),
+        (b"x = " + b"[" * 40 + b"]" * 40, "too deep; allowed: at most 32 levels"),
+        (b"x = " + b"{a=" * 40 + b"1" + b"}" * 40, "too deep; allowed: at most 32 levels"),
+        (b"\n" + b"a." * 100_000 + b"a = 1", "line 2: a key of more than 32 parts"),
+        (b'"a" . ' * 50_000 + b"a = 1", "line 1: a key of more than 32 parts"),
+        (b"x = " + b"1" * 5000, "x.toml: "),
+        (b"x = 0x" + b"f" * 5000, "a whole number of 20000 bits; allowed: within"),
+        (b"x = 9223372036854775808", "a whole number of 64 bits; allowed: within"),
+        (b"x = 2020-13-01", "x.toml: "),
+        (b"x = 1\nx = 2", "line 2, column"),
+    ],
+)
+def test_a_toml_file_that_would_take_too_much_is_one_line(tmp_path, content, said):
+    path = tmp_path / "x.toml"
+    path.write_bytes(content)
+    for read in (read_toml, load_scene, load_sweep, Calibration.from_file):
+        line = problem_of(read, path)
+        assert line.startswith(f"{path}: ")
+        assert said in line
+
+
+def test_a_toml_file_up_to_the_bounds_is_read(tmp_path):
+    """Not only is too much refused: as much as is allowed is read, and dots in numbers and texts are no keys."""
+    path = tmp_path / "x.toml"
+    deep = "[" * (DEEPEST_TABLE - 1) + "]" * (DEEPEST_TABLE - 1)
+    numbers = ", ".join(["1.5"] * 1000)
+    path.write_text(f'deep = {deep}\nlist = [{numbers}]\ntext = "{"a. b " * 20}"\nlow = -9223372036854775807\n#')
+    path.write_bytes(path.read_bytes().ljust(MOST_TOML_BYTES, b"#"))
+    assert len(read_toml(path)["list"]) == 1000
+
+
+MANY_CAMERAS = (
+    '\n[[cameras]]\nname = "c{0}"\nposition_m = [0, 2, 2]\naim_m = [0, 0, 1]\nzoom = 2\nfocus_distance_m = 3\n'
+)
+MANY_OBJECTS = (
+    '\n[[objects]]\nname = "o{0}"\nkind = "box"\nlowest_m = [2, 2, 0]\nhighest_m = [2.1, 2.1, 1]\nalbedo = 0.5\n'
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "start", "allowed"),
+    [
+        (ROOM + "".join(MANY_CAMERAS.format(n) for n in range(256)), "cameras = ", "at most 256; there are 263"),
+        (ROOM + "".join(MANY_OBJECTS.format(n) for n in range(200)), "objects = ", "at most 200; there are 203"),
+        (changed(ROOM, "[1280, 960]", "[20000, 20000]"), "sensor.resolution_px = ", "at most 50000000 pixels in all"),
+        (changed(ROOM, "width_m = 6.0", "width_m = 101.0"), "room.width_m = 101.0", "in metres, at most 100"),
+        (changed(ROOM, 'name = "board"', f'name = "{"b" * 61}"'), "objects.bbb", "60 at most"),
+    ],
+)
+def test_a_scene_that_asks_for_too_much_is_one_line(tmp_path, text, start, allowed):
+    path = write(tmp_path / "scene.toml", text)
+    said = problem_of(load_scene, path)
+    assert said.startswith(f"{path}: {start}")
+    assert allowed in said
+
+
+@pytest.mark.parametrize(
+    ("read", "text", "start", "allowed"),
+    [
+        (load_sweep, changed(ZOOM, "trials = 20", "trials = 10001"), "trials = 10001", "at most 10000"),
+        (load_sweep, re.sub(r"values = .*", f"values = {[1.0] * 1001}", ZOOM), "vary.values = ", "at most 1000"),
+        (
+            load_sweep,
+            re.sub(r"values = .*", "values = {start = 1, stop = 2, steps = 1001}", ZOOM),
+            "vary.values = ",
+            "at most 1000",
+        ),
+        (load_schedule, changed(WALK, "steps = 21", "steps = 1001"), "walk.steps = 1001", "at most 1000"),
+        (load_schedule, changed(WALK, "trials = 12", "trials = 10001"), "trials = 10001", "at most 10000"),
+        (
+            load_schedule,
+            changed(WALK, 'zoom_limits = ["none", 8.0, 4.0]', f"zoom_limits = {[1 + n / 8 for n in range(51)]}"),
+            "zoom_limits = ",
+            "numbers",
+        ),
+    ],
+)
+def test_a_sweep_or_schedule_that_asks_for_too_much_is_one_line(tmp_path, read, text, start, allowed):
+    path = write(tmp_path / "sweeps" / "x.toml", text)
+    said = problem_of(read, path)
+    assert said.startswith(f"{path}: {start}")
+    assert allowed in said
+
+
+def test_a_walk_that_never_ends_is_refused(tmp_path):
+    """8 m at 1 mm/s are 8000 s: 240,000 frames at 30 a second."""
+    path = write(tmp_path / "schedules" / "x.toml", changed(WALK, "speed_m_per_s = 1.2", "speed_m_per_s = 0.001"))
+    with pytest.raises(SceneError) as caught:
+        load_schedule(path)
+    assert all("at most 108000 frames on the way of the walk" in line for line in caught.value.problems)
+    assert caught.value.problems[0].startswith(f"{path}: tracking.frame_rate_hz = 30.0; ")
+
+
+def test_meshes_are_counted_together(tmp_path, monkeypatch):
+    crate(tmp_path / "crate.ply")
+    second = CRATE.format(file="crate.ply").replace('"crate"', '"other"')
+    path = write(tmp_path / "scene.toml", ROOM + CRATE.format(file="crate.ply") + second.replace("1.0,", "2.0,"))
+    monkeypatch.setattr(scenes.mesh_file, "MOST_FACES_IN_ALL", 24)
+    load_scene(path)
+    monkeypatch.setattr(scenes.mesh_file, "MOST_FACES_IN_ALL", 23)
+    said = problem_of(load_scene, path)
+    assert 'objects.other.file = "crate.ply"; allowed: at most 23 faces in all meshes of the scene' in said
+
+
+def test_many_mistakes_are_told_up_to_a_number(tmp_path):
+    lines = "".join(f"key{number} = 1\n" for number in range(30_000))
+    path = write(tmp_path / "scene.toml", lines + ROOM)
+    with pytest.raises(SceneError) as caught:
+        load_scene(path)
+    most = scenes.errors.MOST_PROBLEMS
+    assert len(caught.value.problems) == most + 1
+    assert caught.value.problems[-1] == f"{path}: there are more problems; these are the first {most}"
+
+
+def test_keys_do_not_speak_to_the_terminal_or_break_the_line(tmp_path):
+    path = write(tmp_path / "scene.toml", '"a\\n\\u001b[31m\\u009bb" = 1\n' + f'"{"k" * 9000}" = 1\n' + ROOM)
+    with pytest.raises(SceneError) as caught:
+        load_scene(path)
+    first, second = caught.value.problems
+    assert first.startswith(path.as_posix() + r": a\n\x1b[31m\x9bb = 1; unknown key")
+    assert len(second) < len(str(path)) + 400
+    assert all(line.isprintable() for line in caught.value.problems)
+
+
+def test_a_hall_whose_light_is_a_matrix_too_large_is_refused():
+    from render.patches import scene_patches
+
+    hall = Room(100.0, 100.0, 3.0, 0.5, 0.5, 0.5)
+    state = SceneState(hall, Light(0.2, ()), (), (), MarkerPrint("DICT_4X4_100", 1.0, 0.85, 0.04))
+    with pytest.raises(GeometryError, match=r"make \d+ patches of light; allowed: at most 16000"):
+        scene_patches(state)
+
+
+# ---- what mutated files found ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key"),
+    [
+        # A range of more items than a length can have.
+        ("columns = 8, rows = 6", "columns = 4000000000000000000, rows = 9", "markers.rows"),
+        ("count = 36", "count = 9223372036854775807", "markers.count"),
+        # The largest module that fits was looked for in steps finer than such numbers are.
+        ("radius_m = 0.45", "radius_m = 1e18", "centre_m"),
+        # Products were infinite, and are to be written as whole numbers.
+        ("module_mm = 20.0", "module_mm = 1e30", "module_mm"),
+        ("quiet_zone_modules = 1.0", "quiet_zone_modules = 1e30", "module_mm"),
+        ("albedo = 0.3", "albedo = 1e300", "'albedo' has the number 1e+300; allowed: 0, or of a size from 1e-30 to"),
+        ("zoom = 3.0", "zoom = 1e-300", "'zoom' has the number 1e-300"),
+    ],
+)
+def test_numbers_beyond_measure_are_told(tmp_path, old, new, key):
+    path = write(tmp_path / "scene.toml", changed(ROOM, old, new).replace("module_mm = 14.0", "module_mm = 1e18"))
+    with pytest.raises(SceneError) as caught:
+        load_scene(path)
+    assert any(key in line for line in caught.value.problems)
+
+
+def test_an_override_beyond_measure_is_told_too():
+    said = problem_of(load_scene, FOLDER / "room.toml", ["cameras.2.zoom=1e300"])
+    assert 'override "cameras.2.zoom=1e300"; ' in said
+
+
+def test_a_suit_of_modules_without_measure_is_told(tmp_path):
+    walk = (FOLDER / "hallway.toml").read_text(encoding="utf-8")
+    text = changed(walk, "first_id = 0 }", "first_id = 0, head_module_mm = 1e30 }")
+    said = problem_of(load_scene, write(tmp_path / "scene.toml", text))
+    assert "objects.H1.markers.head_module_mm = 1e+30; allowed: at most" in said
+
+
+# ---- meshes ----------------------------------------------------------------------------------------------------------
+
+
+def glb(header: dict, numbers: bytes = b"") -> bytes:
+    text = json.dumps(header).encode()
+    text += b" " * (-len(text) % 4)
+    chunk = np.array([len(numbers), 0x004E4942], "<u4").tobytes() + numbers
+    sizes = np.array([2, 20 + len(text) + len(chunk), len(text), 0x4E4F534A], "<u4").tobytes()
+    return b"glTF" + sizes + text + chunk
+
+
+CORNERS = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], "<f4").tobytes()
+
+
+def triangle(**parts) -> dict:
+    """The header of a GLB of one triangle."""
+    return {
+        "asset": {"version": "2.0"},
+        "buffers": [{"byteLength": len(CORNERS)}],
+        "bufferViews": [{"buffer": 0, "byteLength": len(CORNERS)}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "nodes": [{"mesh": 0}],
+        "scenes": [{"nodes": [0]}],
+        "scene": 0,
+    } | parts
+
+
+def test_a_glb_written_by_hand_is_read(tmp_path):
+    (tmp_path / "t.glb").write_bytes(glb(triangle(), CORNERS))
+    np.testing.assert_array_equal(Mesh.from_file(tmp_path / "t.glb").vertices_m, [(0, 0, 0), (1, 0, 0), (0, 1, 0)])
+
+
+def halls_of_mirrors() -> list[dict]:
+    """Each node has the next one twice: 2 to the 40 triangles."""
+    return [{"children": [n + 1, n + 1]} for n in range(40)] + [{"mesh": 0}]
+
+
+GLB = {
+    "a buffer elsewhere": (triangle(buffers=[{"uri": "../secret.bin", "byteLength": 36}]), "in another file"),
+    "a buffer on the net": (triangle(buffers=[{"uri": "https://example.org/a", "byteLength": 36}]), "in another file"),
+    "more than there is": (
+        triangle(accessors=[{"bufferView": 0, "componentType": 5126, "count": 10**12, "type": "VEC3"}]),
+        "its header promises 12000000000000 bytes; allowed: at most",
+    ),
+    "zeros": (triangle(accessors=[{"componentType": 5126, "count": 3, "type": "VEC3"}]), "does not hold"),
+    "shared nodes": (triangle(nodes=halls_of_mirrors()), "node 1 is in two places"),
+    "a circle": (triangle(nodes=[{"children": [1], "mesh": 0}, {"children": [0]}]), "node 0 is in two places"),
+    "a long chain": (
+        triangle(nodes=[{"children": [n + 1]} for n in range(100)] + [{"mesh": 0}]),
+        "nodes within nodes; allowed: at most 64 deep",
+    ),
+    "many nodes": (
+        triangle(nodes=[{"mesh": 0}] * 5001, scenes=[{"nodes": list(range(5001))}]),
+        "5001 nodes; allowed: at most 5000",
+    ),
+    "a negative count": (
+        triangle(accessors=[{"bufferView": 0, "componentType": 5126, "count": -3, "type": "VEC3"}]),
+        "0 or more",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", GLB)
+def test_a_glb_that_is_not_whole_or_has_no_end_is_one_line(tmp_path, what):
+    header, said = GLB[what]
+    path = tmp_path / "t.glb"
+    path.write_bytes(glb(header, CORNERS))
+    line = problem_of(Mesh.from_file, path)
+    assert line.startswith(f"mesh {str(path)!r} cannot be read (")
+    assert said in line
+
+
+def test_one_mesh_at_many_nodes_is_counted_at_each(tmp_path, monkeypatch):
+    (tmp_path / "t.glb").write_bytes(glb(triangle(nodes=[{"mesh": 0}] * 4, scenes=[{"nodes": [0, 1, 2, 3]}]), CORNERS))
+    assert len(Mesh.from_file(tmp_path / "t.glb").faces) == 4
+    monkeypatch.setattr(_mesh_files, "MOST_CORNERS", 3)
+    assert "faces; allowed: at most 3" in problem_of(Mesh.from_file, tmp_path / "t.glb")
+
+
+def test_a_mesh_file_that_is_too_large_is_one_line(tmp_path, monkeypatch):
+    path = crate(tmp_path / "crate.ply")
+    monkeypatch.setattr(_mesh_files, "MOST_BYTES", path.stat().st_size)
+    Mesh.from_file(path)
+    monkeypatch.setattr(_mesh_files, "MOST_BYTES", path.stat().st_size - 1)
+    size = path.stat().st_size
+    assert f"({size} bytes; allowed: at most {size - 1})" in problem_of(Mesh.from_file, path)
+
+
+@pytest.mark.parametrize("suffix", ["zip", "3mf", "gltf", "dae", "json", "xyz", ""])
+def test_other_formats_are_refused_by_their_ending(tmp_path, suffix):
+    """Archives that unpack to anything, and formats that are made of several files, among them."""
+    path = crate(tmp_path / "crate.stl").rename(tmp_path / f"crate.{suffix}".rstrip("."))
+    assert "allowed: .stl, .ply, .obj, .off, .glb" in problem_of(Mesh.from_file, path)
+
+
+@pytest.fixture
+def opened(monkeypatch) -> list[str]:
+    """The files that were opened, as Python and OpenImageIO tell."""
+    names: list[str] = []
+    whole = open
+
+    def noting(file, *arguments, **options):
+        names.append(str(file))
+        return whole(file, *arguments, **options)
+
+    monkeypatch.setattr("builtins.open", noting)
+    return names
+
+
+def test_materials_and_textures_that_a_mesh_names_are_not_opened(tmp_path, opened):
+    write(tmp_path / "secret.mtl", "newmtl m\nmap_Kd secret.png\n")
+    write(tmp_path / "secret.png", "nothing")
+    write(tmp_path / "t.obj", "mtllib secret.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n")
+    write(
+        tmp_path / "t.ply",
+        "ply\nformat ascii 1.0\ncomment TextureFile secret.png\nelement vertex 3\nproperty float x\nproperty float y\n"
+        "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+        "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n",
+    )
+    textured = {"materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]}
+    textured |= {"textures": [{"source": 0}], "images": [{"uri": "secret.png"}]}
+    textured |= {"meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "material": 0}]}]}
+    (tmp_path / "t.glb").write_bytes(glb(triangle(**textured), CORNERS))
+    for suffix in ("obj", "ply", "glb"):
+        assert len(Mesh.from_file(tmp_path / f"t.{suffix}").faces) == 1
+    assert any("t.obj" in name for name in opened)
+    assert not [name for name in opened if "secret" in name]
+
+
+# ---- backdrops -------------------------------------------------------------------------------------------------------
+
+
+def backdrop(folder: Path, content: str, start: str = "") -> Path:
+    return write(folder / "room.xml", f'{start}<scene version="3.0.0">{content}</scene>')
+
+
+LAUGHS = (
+    '<!DOCTYPE scene [<!ENTITY a "ha">'
+    + "".join(f'<!ENTITY {chr(98 + n)} "{f"&{chr(97 + n)};" * 10}">' for n in range(9))
+    + "]>"
+)
+
+
+DEFAULTS = "".join(f'<default name="n{number}" value="1"/>' for number in range(101))
+
+
+def reflecting(bsdf: str) -> str:
+    return CUBE.replace("</shape>", f"{bsdf}</shape>")
+
+
+def chain_of_defaults() -> str:
+    """Thirty defaults of the same length, each of two of the next: 2 to the 30 characters."""
+    names = [f"d{number:02}" for number in range(30)]
+    return "".join(
+        f'<default name="{name}" value="{f"${after}" * 2 if after else "1"}"/>'
+        for name, after in zip(names, [*names[1:], ""], strict=True)
+    ) + CUBE.replace("0.2", "$d00")
+
+
+@pytest.mark.parametrize(
+    ("content", "start", "said"),
+    [
+        ("&j;" + CUBE, LAUGHS, "it has a document type"),
+        ("&x;" + CUBE, '<!DOCTYPE scene [<!ENTITY x SYSTEM "secret.txt">]>', "it has a document type"),
+        (CUBE, '<!DOCTYPE scene SYSTEM "https://example.org/a.dtd">', "it has a document type"),
+        (CUBE * 1001, "", "shapes and more, of"),
+        ("<a/>" * 100_001, "", "elements; allowed: at most 100000"),
+        (DEFAULTS + CUBE, "", "101 defaults; allowed: at most 100"),
+        (chain_of_defaults(), "", "makes a value of more than 20000 characters"),
+        ("<!--" + "x" * 2**22 + "-->" + CUBE, "", "bytes; allowed: at most 4194304"),
+        ('<shape type="ply"><string name="filename" value="../crate.ply"/></shape>', "", "leads outside the scene's"),
+        ('<shape type="ply"><string name="filename" value="link.ply"/></shape>', "", "leads outside the scene's"),
+        (
+            reflecting('<bsdf type="diffuse"><texture type="bitmap" name="reflectance"><string name="filename" '
+                       'value="../grey.png"/></texture></bsdf>'),
+            "",
+            "leads outside the scene's",
+        ),
+    ],
+)  # fmt: skip
+def test_a_backdrop_that_reaches_out_or_has_no_end_is_one_line(home, content, start, said):
+    (home / "mine" / "link.ply").symlink_to(home / "crate.ply")
+    path = backdrop(home / "mine", content, start)
+    assert said in problem_of(read_backdrop, path, within=path.parent)
+
+
+def test_a_backdrop_may_name_files_of_the_scenes_folder_and_with_the_option_any(home):
+    ply = '<shape type="ply"><string name="filename" value="../crate.ply"/></shape>'
+    path = backdrop(home / "mine" / "parts", ply)
+    scene = write(home / "scene.toml", ROOM + '\n[backdrop]\nfile = "mine/parts/room.xml"\nposition_m = [0, 2, 1]\n')
+    shutil.copy(home / "crate.ply", home / "mine" / "crate.ply")
+    # The scene's folder counts, not the backdrop's own.
+    assert len(load_scene(scene).state.objects) == 4
+    inner = write(home / "mine" / "parts" / "scene.toml", scene.read_text().replace("mine/parts/", ""))
+    assert "leads outside the scene's folder" in problem_of(load_scene, inner)
+    assert len(load_scene(inner, allow_outside=True).state.objects) == 4
+    assert len(read_backdrop(path).parts) == 1
+
+
+def test_includes_and_other_plugins_are_passed_over(tmp_path, opened):
+    write(tmp_path / "secret.xml", f"<scene>{CUBE}</scene>")
+    others = (
+        '<include filename="secret.xml"/><shape type="serialized"><string name="filename" value="secret.xml"/></shape>'
+    )
+    read = read_backdrop(backdrop(tmp_path, others + CUBE))
+    assert len(read.parts) == 1
+    assert "passed over: include, shape" in read.warnings[0]
+    assert not [name for name in opened if "secret" in name]
+
+
+def test_references_that_go_round_in_a_circle_end(tmp_path):
+    """Two-sided itself, and a checkerboard of itself: the default, with a warning."""
+    twosided = '<bsdf type="twosided" id="a"><ref id="a"/></bsdf>'
+    texture = '<texture type="checkerboard" id="t" name="color0"><ref id="t"/></texture>'
+    boards = f'<bsdf type="diffuse" id="b">{texture.replace("color0", "reflectance")}</bsdf>'
+    for bsdf in (twosided, boards):
+        read = read_backdrop(backdrop(tmp_path, bsdf + reflecting(f'<ref id="{bsdf[bsdf.index("id=") + 4]}"/>')))
+        assert 0 <= read.parts[0].albedo <= 1
+
+
+def test_a_texture_is_an_image_of_bounded_size(tmp_path, monkeypatch):
+    pixels = oiio.ImageBuf(oiio.ImageSpec(8, 4, 1, "uint8"))
+    pixels.write(str(tmp_path / "grey.png"))
+    shutil.copy(tmp_path / "grey.png", tmp_path / "grey.tif")
+    bitmap = (
+        '<bsdf type="diffuse"><texture type="bitmap" name="reflectance">'
+        '<string name="filename" value="{}"/></texture></bsdf>'
+    )
+    read = read_backdrop(backdrop(tmp_path, reflecting(bitmap.format("grey.png"))))
+    assert (read.parts[0].albedo, read.warnings) == (0.0, ())
+    # Of a reader that is not asked.
+    assert "taken for" in read_backdrop(backdrop(tmp_path, reflecting(bitmap.format("grey.tif")))).warnings[0]
+    monkeypatch.setattr(render.images, "MOST_PIXELS", 31)
+    path = backdrop(tmp_path, reflecting(bitmap.format("grey.png")))
+    assert "its size is 8 × 4 × 1 pixels; allowed: at most 31" in problem_of(read_backdrop, path)
+
+
+# ---- calibrations and the store --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("name = 1\n[weights]\nfloor = 1.0\n", "name = 1; allowed: text"),
+        ("provenance = 1\n[weights]\nfloor = 1.0\n", "provenance = 1; allowed: a table"),
+        ("[weights]\nfloor = 1.0\n[provenance]\nviews = []\n", "provenance.views = []; allowed: text or a number"),
+        ('[weights]\n"a\\nb" = 1.0\n', "weights.'a\\nb'; allowed:"),
+        (f'weights = "{"w" * 5000}"\n', "…; allowed: a table of"),
+    ],
+)
+def test_a_calibration_of_odd_values_is_one_line(tmp_path, text, said):
+    line = problem_of(Calibration.from_file, write(tmp_path / "c.toml", text))
+    assert said in line
+    assert len(line) < 500
+
+
+def test_a_calibration_of_odd_text_is_written_as_it_was_read(tmp_path):
+    odd = 'tab\t quote" back\\ \x7f\x01 newline\n'
+    calibration = Calibration(odd, {"floor": 1.0}, {"by whom": odd, "blind": True, "views": 3})
+    assert Calibration.from_file(write(tmp_path / "c.toml", calibration.to_toml())) == calibration
+
+
+def test_an_archive_that_promises_more_than_it_holds_is_nothing(tmp_path, monkeypatch):
+    """numpy would make room for it first."""
+    store = Store(tmp_path)
+    path = store.light("key")
+    store.save(path, {"numbers": np.arange(9.0)})
+    np.testing.assert_array_equal(store.load(path)["numbers"], np.arange(9.0))
+    asked = []
+    monkeypatch.setattr(np, "load", lambda *arguments, **options: asked.append(arguments))
+    member = io.BytesIO()
+    said = {"descr": "<f8", "fortran_order": False, "shape": (9_000_000_000,)}
+    np.lib.format.write_array_header_1_0(member, said)
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("numbers.npy", member.getvalue() + bytes(72))
+    assert store.load(path) is None
+    assert not asked
+    assert not path.exists()

@@ -1,0 +1,127 @@
+"""`run_sweep.py store`: what is listed, verified and pruned, and what never is touched."""
+
+from __future__ import annotations
+
+import os
+import time
+
+import numpy as np
+import pytest
+
+from pss import RangeError
+from validate.run_sweep import main
+from validate.store import Store, StoreError
+from validate.store_command import main as store_main
+from validate.store_upkeep import bytes_of, prune_list, seconds_of, stored_files
+from validate.sums import sum_path
+
+DAY_S = 86400.0
+
+
+@pytest.fixture
+def store(tmp_path):
+    """Light and a measurement of yesterday and last month, one of now, and what others left."""
+    store = Store(tmp_path / "store")
+    for path, age_s in (
+        (store.light("old"), 40 * DAY_S),
+        (store.measurement("aa11", "d", 1, 2), 2 * DAY_S),
+        (store.measurement("bb22", "d", 1, 2), 2 * DAY_S + 60),
+        (store.light("new"), 0),
+    ):
+        store.save(path, {"x": np.arange(100)}, "test 1")
+        age(path, age_s)
+    (store.folder / "light" / ".begun.npz").write_text("half")
+    (store.folder / "light" / ".abandoned.npz").write_text("half")
+    age(store.folder / "light" / ".abandoned.npz", 2 * DAY_S)
+    return store
+
+
+def age(path, seconds):
+    """Turn a file's time back."""
+    os.utime(path, (time.time() - seconds,) * 2)
+
+
+def test_list_counts_by_kind_and_version(store, capsys):
+    """Files, bytes with their sums, oldest and newest; temporary files are none."""
+    assert main(["store", "--store", str(store.folder), "list"]) == 0
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    light = [store.light("old"), store.light("new")]
+    size = sum(path.stat().st_size + sum_path(path).stat().st_size for path in light)
+    assert lines[1][:5] == ["light", "test", "1", "2", f"{size:,}"]
+    assert lines[2][:4] == ["measurements", "test", "1", "2"]
+    assert lines[3][:2] == ["all", "4"]
+
+
+def test_verify_checks_all_and_sets_damaged_ones_aside(store, capsys, caplog):
+    """Exit code 1 the first time; then all is whole."""
+    assert store_main(["verify", "--store", str(store.folder)]) == 0
+    assert "4 files checked, 0 damaged" in capsys.readouterr().out
+    path = store.light("old")
+    status = path.stat()
+    data = path.read_bytes()
+    path.write_bytes(data[:60] + bytes([data[60] ^ 1]) + data[61:])
+    os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))  # as a disk would
+    assert store_main(["verify", "--store", str(store.folder)]) == 1
+    assert "4 files checked, 1 damaged and set aside" in capsys.readouterr().out
+    assert len(caplog.messages) == 1
+    assert store_main(["verify", "--store", str(store.folder)]) == 0
+    assert "3 files checked, 0 damaged" in capsys.readouterr().out
+
+
+def test_prune_says_what_would_go_and_removes_it_if_told(store, capsys):
+    """Old files and abandoned ones with their sums; nothing else."""
+    arguments = ["prune", "--store", str(store.folder), "--older-than", "30d"]
+    before = sorted(store.folder.rglob("*"))
+    assert store_main(arguments) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert said[:2] == ["light/old.npz", "light/.abandoned.npz"]
+    assert said[2].startswith("2 files would be removed, ")
+    assert sorted(store.folder.rglob("*")) == before
+    assert store_main([*arguments, "--yes"]) == 0
+    gone = [store.light("old"), sum_path(store.light("old")), store.folder / "light" / ".abandoned.npz"]
+    assert sorted(set(before) - set(store.folder.rglob("*"))) == sorted(gone)
+
+
+def test_a_size_to_keep_takes_the_oldest_first_and_never_the_youngest(store):
+    """Even a size of nothing leaves what is younger than an hour, and what a wrong clock put into the future."""
+    age(store.light("new"), -DAY_S)
+    files, now = list(stored_files(store.folder)), time.time()
+    everything = [stored.path for stored in prune_list(files, now, keep_below_bytes=0)]
+    assert everything == [
+        store.light("old"),
+        store.measurement("bb22", "d", 1, 2),
+        store.measurement("aa11", "d", 1, 2),
+    ]
+    total = sum(stored.size_bytes for stored in files)
+    assert [stored.path for stored in prune_list(files, now, keep_below_bytes=total - 1)] == everything[:1]
+    assert prune_list(files, now, keep_below_bytes=total) == []
+
+
+def test_what_runs_use_stays(store, tmp_path, capsys):
+    """A run's views/ names its views; their measurements stay with them, and light is nobody's."""
+    (tmp_path / "run" / "views").mkdir(parents=True)
+    (tmp_path / "run" / "views" / "aa11.exr").symlink_to("nowhere.exr")
+    assert store_main(["prune", "--store", str(store.folder), "--unused-by", str(tmp_path / "run"), "--yes"]) == 0
+    left = {stored.path.name for stored in stored_files(store.folder)}
+    assert left == {"old.npz", "new.npz", store.measurement("aa11", "d", 1, 2).name}
+    with pytest.raises(StoreError, match="allowed is a folder that a run left"):
+        store_main(["prune", "--store", str(store.folder), "--unused-by", str(tmp_path)])
+
+
+@pytest.mark.parametrize("arguments", [[], ["--older-than", "30"], ["--keep-below", "20 elephants"]])
+def test_wishes_that_say_nothing_are_refused(store, arguments):
+    """One line with the value and what is allowed."""
+    with pytest.raises(RangeError, match="allowed"):
+        store_main(["prune", "--store", str(store.folder), *arguments])
+
+
+def test_units():
+    """Seconds and bytes."""
+    assert seconds_of("1.5h", "--older-than") == 5400
+    assert bytes_of("20GB", "--keep-below") == 20e9
+
+
+def test_a_store_that_is_not_there_is_the_users_mistake(tmp_path, capsys):
+    """Exit code 2."""
+    assert main(["store", "list", "--store", str(tmp_path / "none")]) == 2
+    assert "none" in capsys.readouterr().err

@@ -1,0 +1,114 @@
+"""Views in a store: written, read and asked for their certificates; nothing that was not checked is believed."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+from render.exr import ImageFileError, read_view, write_view
+from render.view import RENDER_VERSION, Certificate, RenderedView, ViewRequest
+from validate.store import Store, StoreError
+from validate.whole_files import disk_full, free_bytes
+
+__all__ = ["DamagedViewError", "adopt_view", "certificate_of", "load_view", "save_view", "stored_view"]
+
+# Uncompressed bytes a pixel: four channels of four and three of two (`render.exr`).
+BYTES_A_PIXEL = 22
+
+
+class DamagedViewError(StoreError):
+    """A view that was in the store is not there, or was set aside: it has to be rendered again."""
+
+
+def save_view(store: Store, view: RenderedView, request: ViewRequest) -> None:
+    """Store a rendered view, with its certificate in its sum.
+
+    Raises:
+        StoreError: the store cannot be written, or the disk is full.
+        ImageFileError: the image cannot be written for another reason.
+    """
+    path = store.view(request.key)
+
+    def write(temporary: Path) -> None:
+        try:
+            write_view(temporary, view, request)
+        except ImageFileError as error:
+            # The image library does not say why; a disk without room for the bare pixels says it for it.
+            most = BYTES_A_PIXEL * view.radiance.size
+            written = temporary.stat().st_size if temporary.exists() else 0
+            if free_bytes(path) + written < most:
+                raise disk_full(path, f"up to {most:,}", written) from error
+            raise
+
+    store.write(path, write, _facts(view))
+
+
+def load_view(store: Store, key: str) -> RenderedView | None:
+    """A stored view; None where there is none, or none that is whole.
+
+    Raises:
+        StoreError: a damaged file cannot be set aside.
+    """
+
+    def read(path: Path) -> RenderedView:
+        view = read_view(path)
+        if view.key != key:
+            raise ImageFileError(f"{path}: the header names view {view.key}")
+        return view
+
+    return store.read(store.view(key), read, _facts)
+
+
+def stored_view(store: Store, key: str) -> RenderedView:
+    """A view that must be there.
+
+    Raises:
+        DamagedViewError: it is not, or no more.
+    """
+    view = load_view(store, key)
+    if view is None:
+        raise DamagedViewError(f"view {key} is not in the store {store.folder}; it has to be rendered again")
+    return view
+
+
+def adopt_view(store: Store, path: Path) -> bool:
+    """Whether the view at one of the store's paths is whole; one of an older version is given a sum.
+
+    Raises:
+        StoreError: a damaged file cannot be set aside.
+    """
+
+    def read(path: Path) -> Certificate:
+        view = read_view(path)
+        if view.key != path.stem:
+            raise ImageFileError(f"{path}: the header names view {view.key}")
+        return view.certificate
+
+    return store.read(path, read, lambda certificate: {"certificate": dataclasses.asdict(certificate)}) is not None
+
+
+def certificate_of(store: Store, request: ViewRequest) -> Certificate | None:
+    """The certificate of a stored view, from its sum; None where the view has to be rendered.
+
+    Raises:
+        StoreError: a damaged file cannot be set aside.
+    """
+    path = store.view(request.key)
+    facts = store.facts(path)
+    if facts is not None and "certificate" in facts:
+        return Certificate(**facts["certificate"])
+
+    def read(path: Path) -> RenderedView:
+        # An older file: what it says of itself has to be what was asked for.
+        view = read_view(path)
+        if (view.key, view.camera, view.sensor) != (request.key, request.camera, request.sensor):
+            raise ImageFileError(f"{path}: the header is that of another view")
+        return view
+
+    view = store.read(path, read, _facts)
+    return None if view is None else view.certificate
+
+
+def _facts(view: RenderedView) -> dict[str, Any]:
+    return {"version": f"render {RENDER_VERSION}", "certificate": dataclasses.asdict(view.certificate)}
