@@ -17,13 +17,17 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import archspec.cpu
+
 from pss import MissingLibraryError, RangeError
 
-__all__ = ["VARIANTS", "Backend", "choose", "start"]
+__all__ = ["VARIANTS", "Backend", "choose", "processor_mark", "start"]
 
 # One channel is all that a monochrome sensor needs; Mitsuba's wheel has no scalar variant with one channel.
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono", "scalar_rgb")
 OLDEST_LLVM = 16
+# The kind of processor that names nothing: what was stored before the kind was part of a name was made on this one.
+UNNAMED_PROCESSOR = "x86_64_v4"
 PACKAGED_LLVM = "karellen-llvm-core"
 
 # LLVMGetVersion came with LLVM 16, so a library without it is too old.
@@ -50,12 +54,26 @@ class Backend:
 
     @property
     def identity(self) -> str:
-        """Variant and libLLVM in one word: across them pixels agree only within rounding, so views are kept apart."""
+        """Variant, libLLVM and kind of processor in one word.
+
+        Across them pixels agree only within rounding, so views are kept apart.
+        """
         llvm = f"-llvm{self.llvm_major}" if self.libllvm else ""
-        return f"mitsuba-{importlib.metadata.version('mitsuba')}-{self.variant}{llvm}"
+        return f"mitsuba-{importlib.metadata.version('mitsuba')}-{self.variant}{llvm}{processor_mark()}"
 
     def __str__(self) -> str:
         return f"renderer: Mitsuba {self.variant} ({self.reason})"
+
+
+@cache
+def processor_mark() -> str:
+    """What is added to the name of results that hang on the kind of processor, such as "-x86_64_v3".
+
+    The kind is the set of instructions that compilers and numerical libraries choose their code by: microarchitectures
+    of one level round alike. Nothing is added for `UNNAMED_PROCESSOR`.
+    """
+    kind = archspec.cpu.host().generic.name
+    return "" if kind == UNNAMED_PROCESSOR else f"-{kind}"
 
 
 def llvm_version(library: str | Path) -> int:

@@ -24,7 +24,7 @@ from render.sampling import RingLight, Sampled, Sampling, film_samples, pixel_me
 from render.sensor import capture, expected_electrons, fixed_pattern, saturated_share
 from render.state import SceneState
 
-__all__ = ["Certificate", "RenderedView", "Renderer", "ViewRequest", "random_stream", "state_key"]
+__all__ = ["Certificate", "RenderedView", "Renderer", "ViewRequest", "light_key", "random_stream", "state_key"]
 
 Floats = NDArray[np.floating]
 
@@ -53,8 +53,13 @@ def _plain(value: object) -> object:
 
 
 def state_key(state: SceneState) -> str:
-    """Hash of a scene state: the name under which its solved light is stored."""
+    """Hash of a scene state."""
     return _state_key(state, RENDER_VERSION, MESH_LIGHT_VERSION)
+
+
+def light_key(state: SceneState) -> str:
+    """The name under which a scene state's solved light is stored; kinds of processor round it differently."""
+    return state_key(state) + backend.processor_mark()
 
 
 @lru_cache(maxsize=256)

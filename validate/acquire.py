@@ -19,7 +19,7 @@ from render import backend, glow
 from render.light import solve_light
 from render.sampling import Sampling
 from render.state import SceneState
-from render.view import RENDER_VERSION, Certificate, Renderer, ViewRequest, state_key
+from render.view import RENDER_VERSION, Certificate, Renderer, ViewRequest, light_key, state_key
 from scenes import Scene
 from validate.interruption import raise_if_interrupted
 from validate.measure import MeasureTask, ViewMeasurement, load_measurement, measure
@@ -231,7 +231,7 @@ def _render_all(
         if not _certified(item, store, acquired):
             progress.note(
                 f"rendering camera {request.camera.name}"
-                if state in renderers or store.has(store.light(state))
+                if state in renderers or store.has(store.light(light_key(request.state)))
                 else "solving the scene's light"
             )
             begin = time.perf_counter()
@@ -283,7 +283,7 @@ def _renderer(state: SceneState, store: Store, chosen: backend.Backend, renderer
 
 def baked(state: SceneState, store: Store, chosen: backend.Backend | None = None) -> glow.GlowMeshes:
     """The lit scene of a state, from the store or solved now: by `chosen`'s rays where meshes stand in the way."""
-    path = store.light(state_key(state))
+    path = store.light(light_key(state))
     arrays = store.load(path)
     if arrays is None:
         if not store.writable:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from render import glow
 from render.backend import Backend
 from render.exposure import ExposureChoice, choose_exposure
-from render.view import state_key
+from render.view import light_key, state_key
 from scenes import Scene, SweepFile
 from validate.acquire import baked
 from validate.store import Store
@@ -41,7 +41,7 @@ def with_exposures(
     chosen = {}
     for group, members in open_scenes.items():
         scene = members[0][1]
-        if not store.has(store.light(state_key(scene.state))):
+        if not store.has(store.light(light_key(scene.state))):
             note("solving the scene's light, by which the exposure is chosen")
         choice = _choose(members, store, chosen_backend)
         chosen[group] = choice.exposure_ms
