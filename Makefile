@@ -23,8 +23,9 @@ lint: $(VENV)/installed
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
+# In two processes, since few tests keep two cores busy; a file stays in one, as its tests share what they rendered.
 tests: $(VENV)/installed
-	$(BIN)/python -m pytest -m "not acceptance" -q
+	$(BIN)/python -m pytest -m "not acceptance" -q -n 2 --dist loadfile
 
 acceptance: $(VENV)/installed-evo
 	$(BIN)/python -m pytest -m acceptance -s
