@@ -21,7 +21,7 @@ import archspec.cpu
 
 from pss import MissingLibraryError, RangeError
 
-__all__ = ["VARIANTS", "Backend", "choose", "processor_mark", "start"]
+__all__ = ["VARIANTS", "Backend", "choose", "processor_mark", "set_threads", "start"]
 
 # One channel is all that a monochrome sensor needs; Mitsuba's wheel has no scalar variant with one channel.
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono", "scalar_rgb")
@@ -156,3 +156,16 @@ def start(backend: Backend | None = None) -> Any:
         MissingLibraryError: Dr.Jit is loaded already, with a libLLVM that nobody checked (it can load one only).
     """
     return _start(backend or choose())
+
+
+def set_threads(backend: Backend, threads: int) -> None:
+    """Render with this many threads, for a process that has a share of the cores; the pixels are the same.
+
+    Raises:
+        MissingLibraryError: as `start`.
+    """
+    start(backend)
+    import drjit as dr
+
+    # The thread that renders is one of them. Mitsuba's own threads, of the scalar variant, are of the same pool.
+    dr.set_thread_count(threads)

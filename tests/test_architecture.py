@@ -31,6 +31,7 @@ ALLOWED = {
         "mitsuba",
     ): "starts the variant, after it has chosen a libLLVM; all others get the module from it",
     ("render/backend.py", "archspec"): "asks for the kind of processor, on which the last bits of a render hang",
+    ("render/backend.py", "drjit"): "sets how many threads render, after the variant has started",
     ("render/lens.py", "drjit"): "makes settings data of the compiled code; runs after the backend has started",
     ("render/sampling.py", "drjit"): "sums samples into pixels; runs after the backend has started",
     ("render/emission.py", "drjit"): "looks up what surfaces send back; runs after the backend has started",

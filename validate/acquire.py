@@ -1,6 +1,7 @@
 """Get views rendered and measured: what the store has is taken, the rest is made, each view once.
 
-One process renders (Mitsuba's own threads use all cores); others measure what is rendered meanwhile.
+One process renders (Mitsuba's own threads use all cores); others measure what is rendered meanwhile. Or, as
+`validate.scale` says, worker processes each render and measure one view at a time, on this machine or on others.
 """
 
 from __future__ import annotations
@@ -8,22 +9,20 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 
-from pss import Appearance, PSSError, PTZCamera
 from render import backend, glow
 from render.light import solve_light
-from render.sampling import Sampling
 from render.state import SceneState
-from render.view import RENDER_VERSION, Certificate, Renderer, ViewRequest, light_key, state_key
-from scenes import Scene
+from render.view import RENDER_VERSION, Renderer, light_key, state_key
+from validate.acquisition import Acquired, Acquisition, LightError, by_state, said, views_of
 from validate.interruption import raise_if_interrupted
-from validate.measure import MeasureTask, ViewMeasurement, load_measurement, measure
+from validate.measure import load_measurement, measure
 from validate.progress import ViewProgress
+from validate.scale.options import HERE, Scale
 from validate.store import Store, StoreError
 from validate.stored_views import DamagedViewError, certificate_of, save_view
 from validate.worker_queue import WorkerQueue
@@ -38,74 +37,21 @@ MOST_WAITING = 4
 LIGHT = f"render {RENDER_VERSION}"
 
 
-class LightError(PSSError, RuntimeError):
-    """The light of a scene state cannot be solved; all its views fail for the same reason."""
-
-
-@dataclass(frozen=True)
-class Acquisition:
-    """A view that is wanted, with the trials to be measured on it and how markers are searched in them."""
-
-    request: ViewRequest
-    seed: int
-    trials: int
-    search: str = "plain"
-
-    def task(self, store: Store) -> MeasureTask:
-        """The measuring task of this view."""
-        state = self.request.state
-        ids = tuple(marker.id for marker in state.markers)
-        return MeasureTask(
-            store.folder, self.request.key, state.print.dictionary, ids, self.seed, self.trials, self.search
-        )
-
-
-def views_of(
-    scene: Scene,
-    cameras: Iterable[PTZCamera],
-    sampling: Sampling,
-    renderer: str,
-    seed: int,
-    trials: int,
-    search: str = "plain",
-) -> tuple[Acquisition, ...]:
-    """A view of a scene for each of `cameras`, as `Acquisition` has them."""
-    return tuple(
-        Acquisition(ViewRequest(scene.state, camera, scene.sensor, sampling, renderer), seed, trials, search)
-        for camera in cameras
-    )
-
-
-@dataclass
-class Acquired:
-    """What came of the wanted views; keys are the views' hashes (`measured`: with seed and trials).
-
-    `appearances` says how the markers of each scene state look, by the state's hash, from its solved light;
-    `failed` says why a view is missing; `rendered` and `measured_items` are what this run made itself.
-    """
-
-    measured: dict[Acquisition, ViewMeasurement] = field(default_factory=dict)
-    certificates: dict[str, Certificate] = field(default_factory=dict)
-    appearances: dict[str, Appearance] = field(default_factory=dict)
-    failed: dict[str, str] = field(default_factory=dict)
-    render_seconds: dict[str, float] = field(default_factory=dict)
-    rendered: int = 0
-    measured_items: set[Acquisition] = field(default_factory=set)
-
-
 def acquire(
     wanted: Iterable[Acquisition],
     store: Store,
     chosen: backend.Backend,
     progress_for: Callable[[int], ViewProgress],
+    scale: Scale = HERE,
 ) -> Acquired:
-    """Render and measure the wanted views, each once, and load the measurements.
+    """Render and measure the wanted views, each once, where `scale` says, and load the measurements.
 
     A view that fails is in `failed`, and the others go on. Ctrl-C stops between views; what is stored stays and is
     found by the next run.
 
     Raises:
         StoreError: the disk is full, or something is missing from a store that cannot be written.
+        ScaleError: the workers cannot be used, or cannot be reached any more.
     """
     unique = list(dict.fromkeys(wanted))
     acquired = Acquired()
@@ -116,8 +62,13 @@ def acquire(
             "measured; allowed is a folder that you may write to, or one that has them all"
         )
     with progress_for(len(todo)) as progress:
-        if todo:
+        if todo and scale == HERE:
             _make(todo, store, chosen, progress, acquired)
+        elif todo:
+            # Imported late: Dask comes with an extra, and takes a second.
+            from validate.scale.make import make_on_workers
+
+            make_on_workers(todo, store, chosen, progress, acquired, scale)
     for item in todo:
         if item.request.key not in acquired.failed and not _loaded(item, store, acquired):
             acquired.failed[item.request.key] = "its measurement is missing from the store"
@@ -133,6 +84,7 @@ def with_whole_views(
     store: Store,
     chosen: backend.Backend,
     progress_for: Callable[[int], ViewProgress],
+    scale: Scale = HERE,
 ) -> T:
     """What `use` gives, which reads views of the store; one that it finds damaged is rendered again before another try.
 
@@ -143,7 +95,7 @@ def with_whole_views(
         try:
             return use()
         except DamagedViewError:
-            acquire(wanted, store, chosen, progress_for)
+            acquire(wanted, store, chosen, progress_for, scale)
     return use()
 
 
@@ -179,7 +131,7 @@ def _find_appearances(unique: Sequence[Acquisition], store: Store, chosen: backe
             raise
         except Exception as error:
             for item in members:
-                acquired.failed.setdefault(item.request.key, _said(error))
+                acquired.failed.setdefault(item.request.key, said(error))
                 acquired.measured.pop(item, None)
 
 
@@ -198,7 +150,7 @@ def _make(
         elif isinstance(error, StoreError) and not isinstance(error, DamagedViewError):
             raise error
         else:
-            acquired.failed[item.request.key] = _said(error)
+            acquired.failed[item.request.key] = said(error)
         progress.advance(f"measured camera {item.request.camera.name}")
 
     with WorkerQueue(max(1, os.cpu_count() or 1), MOST_WAITING, done) as queue:
@@ -221,7 +173,7 @@ def _render_all(
     """Render what has no certificate, and have all of it measured."""
     renderers: dict[str, Renderer] = {}
     unlit: dict[str, str] = {}
-    for item in _by_state(todo):
+    for item in by_state(todo):
         raise_if_interrupted()
         request = item.request
         state = state_key(request.state)
@@ -243,7 +195,7 @@ def _render_all(
             except StoreError:
                 raise
             except Exception as error:  # one failing view must not end the sweep
-                acquired.failed[request.key] = _said(error)
+                acquired.failed[request.key] = said(error)
                 if isinstance(error, LightError):
                     unlit[state] = str(error)
                 progress.advance("failed")
@@ -256,18 +208,6 @@ def _render_all(
     raise_if_interrupted()
 
 
-def _said(error: BaseException | None) -> str:
-    return str(error) if isinstance(error, LightError) else f"{type(error).__name__}: {error}"
-
-
-def _by_state(todo: list[Acquisition]) -> list[Acquisition]:
-    """The same, those of one scene state together, in the order in which the states come first."""
-    first: dict[str, int] = {}
-    for item in todo:
-        first.setdefault(state_key(item.request.state), len(first))
-    return sorted(todo, key=lambda item: first[state_key(item.request.state)])
-
-
 def _renderer(state: SceneState, store: Store, chosen: backend.Backend, renderers: dict[str, Renderer]) -> Renderer:
     key = state_key(state)
     if key not in renderers:
@@ -276,7 +216,7 @@ def _renderer(state: SceneState, store: Store, chosen: backend.Backend, renderer
         except StoreError:
             raise
         except Exception as error:
-            raise LightError(f"the scene's light cannot be solved: {_said(error)}") from error
+            raise LightError(f"the scene's light cannot be solved: {said(error)}") from error
         renderers[key] = Renderer(state, meshes, chosen)
     return renderers[key]
 

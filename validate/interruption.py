@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import signal
+from collections.abc import Iterator
 from types import FrameType
 
-__all__ = ["raise_if_interrupted", "remember_interrupts"]
+__all__ = ["interrupts_held", "raise_if_interrupted", "remember_interrupts"]
 
 _interrupted = False
 
@@ -19,6 +21,19 @@ def raise_if_interrupted() -> None:
     """Raise the interrupt that came since, if nobody saw it."""
     if _interrupted:
         raise KeyboardInterrupt
+
+
+@contextlib.contextmanager
+def interrupts_held() -> Iterator[None]:
+    """Hold Ctrl-C back until the block ends, where the system can (a signal mask)."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

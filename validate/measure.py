@@ -6,11 +6,10 @@ the markers' numbers, and nothing of where they are.
 
 from __future__ import annotations
 
-import contextlib
 import os
 import signal
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -25,6 +24,7 @@ from pss import ImageSensor
 from render.sensor import capture, fixed_pattern
 from render.view import random_stream
 from validate.detect import SEARCHES, Search, find_markers
+from validate.interruption import interrupts_held
 from validate.localise import localise
 from validate.store import Store, discard_unfinished
 from validate.stored_views import stored_view
@@ -34,6 +34,7 @@ __all__ = [
     "MeasureTask",
     "ViewMeasurement",
     "WorkerPool",
+    "end_worker",
     "load_measurement",
     "measure",
     "measure_capture",
@@ -170,7 +171,7 @@ class WorkerPool(ProcessPoolExecutor):
 
     def submit(self, function: Callable[..., T], /, *args: object, **kwargs: object) -> Future[T]:
         """Submit a call. A worker started for it inherits the blocked interrupt, so that not even its start is cut."""
-        with _interrupts_held():
+        with interrupts_held():
             return super().submit(function, *args, **kwargs)
 
     def stop(self) -> None:
@@ -184,26 +185,14 @@ class WorkerPool(ProcessPoolExecutor):
             worker.join(SECONDS_TO_STOP)
 
 
-@contextlib.contextmanager
-def _interrupts_held() -> Iterator[None]:
-    """Hold Ctrl-C back until the block ends, where the system can (a signal mask)."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
 def _start_worker() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # where no mask was inherited
-    signal.signal(signal.SIGTERM, _end_worker)
+    signal.signal(signal.SIGTERM, end_worker)
     cv2.setNumThreads(1)
 
 
-def _end_worker(_signal: int, _frame: object) -> None:
+def end_worker(_signal: int, _frame: object) -> None:
+    """End this process at once, without a half-written file: what a worker does if it is told to stop."""
     # Not by an exception: the pool would catch it as the task's and go on with the next.
     discard_unfinished()
     os._exit(128 + signal.SIGTERM)

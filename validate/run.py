@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib.metadata
 import json
 import os
-import platform
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -23,8 +21,10 @@ from validate.acquire import Acquired, Acquisition, acquire, with_whole_views
 from validate.expose import with_exposures
 from validate.progress import EXPECTED_SECONDS, ViewProgress, clock
 from validate.remote_store import is_address, open_store
+from validate.scale.options import HERE, Scale
 from validate.store import Store, StoreError, write_text
 from validate.sweep import Plan, SweepResult, assess_sweep, plan
+from validate.versions import versions
 from validate.warnings_of_views import warn_of_render_noise, warn_of_saturation
 
 __all__ = ["MEGABYTES_A_VIEW", "Options", "check_folders", "execute", "linked_views", "versions"]
@@ -46,6 +46,7 @@ class Options:
     variant: str | None = None
     dry_run: bool = False
     allow_outside: bool = False
+    scale: Scale = HERE
 
     @property
     def folder(self) -> Path:
@@ -86,7 +87,7 @@ def execute(options: Options, console: Console, errors: Console) -> int:
         _announce(plans, wanted, store, console)
         return 0
 
-    acquired = acquire(wanted, store, chosen, lambda total: ViewProgress(total, errors))
+    acquired = acquire(wanted, store, chosen, lambda total: ViewProgress(total, errors), options.scale)
     after_views = time.perf_counter()
     results = [assess_sweep(each, acquired) for each in plans]
     after_assessment = time.perf_counter()
@@ -100,6 +101,7 @@ def execute(options: Options, console: Console, errors: Console) -> int:
             store,
             chosen,
             lambda total: ViewProgress(total, errors),
+            options.scale,
         )
     seconds = {
         "views": after_views - begin,
@@ -135,6 +137,7 @@ def _check(options: Options) -> None:
         if names.count(name) > 1:
             raise RangeError(f"sweep {name!r} is given twice; allowed: each once, as it names its rows")
     check_folders(options.folder, options.store)
+    options.scale.check()
 
 
 def check_folders(out: Path, store: str) -> None:
@@ -246,16 +249,3 @@ def _figures_of_last_run(folder: Path) -> str | None:
         return str(said["figures_drawn_from"])
     except (OSError, ValueError, KeyError, TypeError):
         return None
-
-
-def versions() -> dict[str, str]:
-    """Of Python and of the packages that a run's numbers hang on."""
-    packages = ("mitsuba", "drjit", "opencv-contrib-python-headless", "numpy", "scipy", "OpenImageIO", "pss-testbed")
-    return {name: _version(name) for name in packages} | {"python": platform.python_version()}
-
-
-def _version(package: str) -> str:
-    try:
-        return importlib.metadata.version(package)
-    except importlib.metadata.PackageNotFoundError:
-        return "not installed"

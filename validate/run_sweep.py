@@ -17,6 +17,8 @@ if __package__ in (None, ""):  # run as a script: the project's root is the pare
 
 import tyro
 
+from validate.scale.options import HERE, Scale
+
 __all__ = ["main", "run_sweep"]
 
 # Words in a sweep's place that are commands of their own; each module has a `main(arguments) -> exit code`.
@@ -54,6 +56,7 @@ def run_sweep(
     variant: Literal["llvm_ad_mono", "cuda_ad_mono", "scalar_rgb"] | None = None,
     dry_run: bool = False,
     allow_outside: bool = False,
+    scale: Annotated[Scale, tyro.conf.arg(name="")] = HERE,
 ) -> int:
     """Predict and measure sweeps of camera settings.
 
@@ -68,12 +71,13 @@ def run_sweep(
         variant: Mitsuba's variant (default: LLVM if a libLLVM is found, else scalar).
         dry_run: say what would be done, and stop.
         allow_outside: let files name others outside their folder (see "Files from others" in docs/scenes.md).
+        scale: where views are made (docs/scale.md).
     """
     from rich.console import Console
 
     from validate.run import Options, execute
 
-    options = Options(sweeps, scene, out, store, trials, seed, set, variant, dry_run, allow_outside)
+    options = Options(sweeps, scene, out, store, trials, seed, set, variant, dry_run, allow_outside, scale)
     # In a file or a pipe the tables keep their columns; 80 would break every line.
     wide = None if sys.stdout.isatty() else 140
     return execute(options, Console(width=wide), Console(stderr=True))

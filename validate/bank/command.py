@@ -37,6 +37,7 @@ from validate.bank.verdict import leaderboard
 from validate.findings.bank import bank_findings
 from validate.findings.tables import read_tables
 from validate.progress import clock
+from validate.scale.options import HERE, Scale
 from validate.store import write_text
 from validate.tables import write_csv
 
@@ -65,6 +66,7 @@ def run(
     set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="KEY=VALUE")] = (),
     variant: Literal["llvm_ad_mono", "cuda_ad_mono", "scalar_rgb"] | None = None,
     allow_outside: bool = False,
+    scale: Annotated[Scale, tyro.conf.arg(name="")] = HERE,
 ) -> int:
     """Judge all metrics and noise models on configurations drawn from a bank of views.
 
@@ -81,7 +83,9 @@ def run(
         set: override a key of the scene file; may be repeated.
         variant: Mitsuba's variant (default: LLVM if a libLLVM is found, else scalar).
         allow_outside: let files name others outside their folder (see "Files from others" in docs/scenes.md).
+        scale: where views are made (docs/scale.md).
     """
+    scale.check()
     begin = time.perf_counter()
     console, errors = Console(width=140), Console(stderr=True)
     chosen = backend.choose(variant)
@@ -96,7 +100,7 @@ def run(
         other_scene = load_scene(second_path, allow_outside=allow_outside)
         second = held_out_views(other_scene, design, chosen.identity)
     banks = [bank for bank in (training, held_out, second) if bank is not None]
-    acquired = acquire_banks(banks, store, chosen, errors)
+    acquired = acquire_banks(banks, store, chosen, errors, scale)
     if acquired is None:
         return 1
     after_views = time.perf_counter()

@@ -13,15 +13,18 @@ from validate.bank.design import BankDesign, ViewBank
 from validate.bank.study import calibrated, data_of, limits_of
 from validate.progress import ViewProgress
 from validate.remote_store import open_store
+from validate.scale.options import HERE, Scale
 from validate.store import write_text
 
 __all__ = ["acquire_banks", "calibrate"]
 
 
-def acquire_banks(banks: list[ViewBank], store: str | Path, chosen: Backend, errors: Console) -> Acquired | None:
-    """All renders of the banks, measured; None if one failed, which is said."""
+def acquire_banks(
+    banks: list[ViewBank], store: str | Path, chosen: Backend, errors: Console, scale: Scale = HERE
+) -> Acquired | None:
+    """All renders of the banks, made where `scale` says and measured; None if one failed, which is said."""
     wanted = [item for bank in banks for item in bank.wanted]
-    acquired = acquire(wanted, open_store(store), chosen, lambda total: ViewProgress(total, errors))
+    acquired = acquire(wanted, open_store(store), chosen, lambda total: ViewProgress(total, errors), scale)
     for key, cause in acquired.failed.items():
         errors.print(f"view {key} failed: {cause}", markup=False, style="red")
     return None if acquired.failed else acquired

@@ -35,9 +35,11 @@ from validate.hallway.study import FULL_MODEL, Design, assess_held, design_of
 from validate.hallway.training import calibrate_hallway, training_views
 from validate.progress import EXPECTED_SECONDS, ViewProgress, clock
 from validate.remote_store import open_store
-from validate.run import MEGABYTES_A_VIEW, check_folders, linked_views, versions
+from validate.run import MEGABYTES_A_VIEW, check_folders, linked_views
+from validate.scale.options import HERE, Scale
 from validate.store import Store, atomic_path, write_text
 from validate.tables import timing_rows, view_rows, write_csv
+from validate.versions import versions
 from validate.warnings_of_views import warn_of_render_noise, warn_of_saturation
 
 __all__ = ["main", "run"]
@@ -59,6 +61,7 @@ def run(
     real_walk: bool = True,
     dry_run: bool = False,
     allow_outside: bool = False,
+    scale: Annotated[Scale, tyro.conf.arg(name="")] = HERE,
 ) -> int:
     """Predict and measure how strategies steer cameras at two people who pass each other.
 
@@ -75,7 +78,9 @@ def run(
         real_walk: whether to render and track the walk frame by frame as well, if the schedule asks for it.
         dry_run: say what would be done, and stop.
         allow_outside: let files name others outside their folder (see "Files from others" in docs/scenes.md).
+        scale: where views are made (docs/scale.md).
     """
+    scale.check()
     begin = time.perf_counter()
     # In a file or a pipe the tables keep their columns.
     console, errors = Console(width=None if os.isatty(1) else 140), Console(stderr=True)
@@ -103,7 +108,7 @@ def run(
     if dry_run:
         _announce(design, wanted, opened, console)
         return 0
-    acquired = acquire(wanted, opened, chosen, lambda total: ViewProgress(total, errors))
+    acquired = acquire(wanted, opened, chosen, lambda total: ViewProgress(total, errors), scale)
     for key, cause in acquired.failed.items():
         errors.print(f"view {key} failed: {cause}", markup=False, style="red")
     if acquired.failed:
@@ -141,6 +146,7 @@ def run(
             opened,
             chosen,
             lambda total: ViewProgress(total, errors),
+            scale,
         )
     seconds = {"views": after_views - begin, "total": time.perf_counter() - begin}
     _write_run(folder, design, chosen.identity, acquired, seconds)

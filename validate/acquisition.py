@@ -1,0 +1,83 @@
+"""What is wanted of views, and what came of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+from pss import Appearance, PSSError, PTZCamera
+from render.sampling import Sampling
+from render.view import Certificate, ViewRequest, state_key
+from scenes import Scene
+from validate.measure import MeasureTask, ViewMeasurement
+from validate.store import Store
+
+__all__ = ["Acquired", "Acquisition", "LightError", "by_state", "said", "views_of"]
+
+
+class LightError(PSSError, RuntimeError):
+    """The light of a scene state cannot be solved; all its views fail for the same reason."""
+
+
+@dataclass(frozen=True)
+class Acquisition:
+    """A view that is wanted, with the trials to be measured on it and how markers are searched in them."""
+
+    request: ViewRequest
+    seed: int
+    trials: int
+    search: str = "plain"
+
+    def task(self, store: Store) -> MeasureTask:
+        """The measuring task of this view."""
+        state = self.request.state
+        ids = tuple(marker.id for marker in state.markers)
+        return MeasureTask(
+            store.folder, self.request.key, state.print.dictionary, ids, self.seed, self.trials, self.search
+        )
+
+
+def views_of(
+    scene: Scene,
+    cameras: Iterable[PTZCamera],
+    sampling: Sampling,
+    renderer: str,
+    seed: int,
+    trials: int,
+    search: str = "plain",
+) -> tuple[Acquisition, ...]:
+    """A view of a scene for each of `cameras`, as `Acquisition` has them."""
+    return tuple(
+        Acquisition(ViewRequest(scene.state, camera, scene.sensor, sampling, renderer), seed, trials, search)
+        for camera in cameras
+    )
+
+
+@dataclass
+class Acquired:
+    """What came of the wanted views; keys are the views' hashes (`measured`: with seed and trials).
+
+    `appearances` says how the markers of each scene state look, by the state's hash, from its solved light;
+    `failed` says why a view is missing; `rendered` and `measured_items` are what this run made itself.
+    """
+
+    measured: dict[Acquisition, ViewMeasurement] = field(default_factory=dict)
+    certificates: dict[str, Certificate] = field(default_factory=dict)
+    appearances: dict[str, Appearance] = field(default_factory=dict)
+    failed: dict[str, str] = field(default_factory=dict)
+    render_seconds: dict[str, float] = field(default_factory=dict)
+    rendered: int = 0
+    measured_items: set[Acquisition] = field(default_factory=set)
+
+
+def said(error: BaseException | None) -> str:
+    """Why a view failed, in words for people."""
+    return str(error) if isinstance(error, LightError) else f"{type(error).__name__}: {error}"
+
+
+def by_state(todo: Sequence[Acquisition]) -> list[Acquisition]:
+    """The same, those of one scene state together, in the order in which the states come first."""
+    first: dict[str, int] = {}
+    for item in todo:
+        first.setdefault(state_key(item.request.state), len(first))
+    return sorted(todo, key=lambda item: first[state_key(item.request.state)])

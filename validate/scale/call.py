@@ -1,0 +1,19 @@
+"""The one function that Dask is given. Its arguments are bytes that a worker unpacks, so that the scheduler, which
+handles every call, neither imports the renderer nor unpacks a scene.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from validate.scale.work import Made
+
+__all__ = ["call"]
+
+
+def call(job: bytes, state: bytes | None) -> Made:
+    """Do a job (`validate.scale.work.work`)."""
+    from validate.scale.work import work
+
+    return work(job, state)

@@ -1,0 +1,126 @@
+"""Views made by workers: jobs are handed out, and what comes back is counted, told and kept."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Sequence
+
+from render.backend import Backend
+from render.view import light_key, state_key
+from validate.acquisition import Acquired, Acquisition, by_state, said
+from validate.interruption import raise_if_interrupted
+from validate.progress import ViewProgress
+from validate.scale.checks import check_workers, store_name
+from validate.scale.handout import MOST_DEATHS, Handout
+from validate.scale.options import Scale
+from validate.scale.work import Job, Made, Measuring, Place
+from validate.scale.workers import WorkerGoneError, Workers, workers_of
+from validate.store import Store, StoreError
+
+__all__ = ["hand_out", "jobs_of", "make_on_workers"]
+
+# s, of waiting before Ctrl-C is looked for once more.
+SECONDS_TO_LOOK = 0.5
+
+
+def make_on_workers(
+    todo: Sequence[Acquisition],
+    store: Store,
+    chosen: Backend,
+    progress: ViewProgress,
+    acquired: Acquired,
+    scale: Scale,
+) -> None:
+    """Have views rendered and measured by workers; the same views come of any number of them.
+
+    Raises:
+        StoreError: the store cannot be written, or the disk is full.
+        ScaleError: the workers cannot be used, or cannot be reached any more.
+    """
+    progress.note("starting workers")
+    with workers_of(scale) as workers:
+        check_workers(workers, store, chosen)
+        place = Place(store_name(store), chosen.variant, chosen.identity, workers.cores)
+        hand_out(todo, place, workers, store, progress, acquired)
+    # In the order in which one process would have made them, whoever was first.
+    keys = dict.fromkeys(item.request.key for item in by_state(todo))
+    acquired.failed |= {key: acquired.failed.pop(key) for key in keys if key in acquired.failed}
+
+
+def jobs_of(todo: Sequence[Acquisition], place: Place, store: Store) -> dict[str, tuple[Job, list[Acquisition]]]:
+    """A job for each view, by the view's hash, with all that is wanted of it; those of one scene state together."""
+    wanted: dict[str, list[Acquisition]] = {}
+    for item in by_state(todo):
+        wanted.setdefault(item.request.key, []).append(item)
+    jobs = {}
+    for key, items in wanted.items():
+        request = items[0].request
+        measurings = tuple(Measuring(item.seed, item.trials, item.search, item.task(store).path.name) for item in items)
+        state = state_key(request.state)
+        job = Job(place, state, key, request.camera, request.sensor, request.sampling, measurings)
+        jobs[key] = job, items
+    return jobs
+
+
+def hand_out(
+    todo: Sequence[Acquisition],
+    place: Place,
+    workers: Workers,
+    store: Store,
+    progress: ViewProgress,
+    acquired: Acquired,
+) -> None:
+    """Hand out all jobs, one to each worker at a time, and take in what comes of them."""
+    jobs = jobs_of(todo, place, store)
+    states = {job.state: items[0].request.state for job, items in jobs.values()}
+    handout = Handout((job for job, _ in jobs.values()), lambda state: store.has(store.light(light_key(states[state]))))
+    has: dict[str, str] = {}
+
+    def fail(job: Job, cause: str) -> None:
+        failed = [job] if job.camera else handout.light_has_failed(job)
+        for view in failed:
+            acquired.failed[view.view] = cause if job.camera else f"the scene's light cannot be solved: {cause}"
+            for _ in jobs[view.view][1]:
+                progress.advance("failed")
+
+    def take_in(job: Job, made: Made) -> None:
+        if job.camera is None:
+            handout.light_is_there(job)
+            return
+        if made.certificate is not None:
+            acquired.certificates[job.view] = made.certificate
+        if made.render_s is not None:
+            acquired.render_seconds[job.view] = made.render_s
+            acquired.rendered += 1
+        for item, measured in zip(jobs[job.view][1], made.measured, strict=True):
+            if measured:
+                acquired.measured_items.add(item)
+            progress.advance(f"measured camera {job.camera.name}")
+
+    while handout or workers.busy():
+        raise_if_interrupted()
+        for address in sorted(workers.live() - workers.busy()):
+            job = handout.next_for(has.get(address))
+            if job is None:
+                break
+            progress.note(f"rendering camera {job.camera.name}" if job.camera else "solving the scene's light")
+            sent = has.get(address) == job.state
+            workers.start(address, job, None if sent else pickle.dumps(states[job.state]))
+            has[address] = job.state
+        for address, job, made in workers.finished(SECONDS_TO_LOOK):
+            if isinstance(made, WorkerGoneError):
+                has.pop(address, None)
+                if not handout.died(job):
+                    fail(job, f"{MOST_DEATHS} workers died while they made it")
+            elif isinstance(made, StoreError):
+                raise made
+            elif isinstance(made, BaseException):
+                fail(job, said(made))
+            elif made.lacks_state:
+                # Another run uses the same worker, and has sent it another state.
+                has.pop(address, None)
+                handout.put_back(job)
+            elif made.failed:
+                fail(job, made.failed)
+            else:
+                take_in(job, made)
