@@ -24,7 +24,7 @@ from render.view import Certificate, state_key
 from scenes import load_scene
 from tests.test_store_views import MARKER, REQUEST, NoProgress
 from tests.test_sweep_run import ALONE, DETERMINED, SCENE, SELECTION, SWEEP, command, run
-from validate.acquire import acquire
+from validate.acquire import acquire, baked
 from validate.acquisition import Acquired, Acquisition, views_of
 from validate.run_sweep import main
 from validate.scale import options
@@ -280,13 +280,13 @@ def test_without_dask_one_line_says_what_to_install_and_one_process_needs_none(s
 
 def test_the_modules_of_a_run_in_one_process_load_no_dask():
     """It is an extra; asked in a process of its own."""
-    script = "import validate.run, validate.bank.command, validate.hallway.command, sys; print('dask' in sys.modules)"
+    script = "import validate.acquire, validate.scale.options, sys; print('dask' in sys.modules)"
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}
     done = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
 
 
-@pytest.mark.parametrize("words", [["zoom"], ["bank"], ["schedule", "hallway"]])
+@pytest.mark.parametrize("words", [["zoom"], ["bank"], ["schedule"]], ids=lambda words: words[0])
 def test_all_commands_share_the_options(words, capsys):
     """Refused by each in the same words, before anything is rendered."""
     assert main([*words, "--workers", "0"]) == 2
@@ -377,6 +377,11 @@ def test_two_workers_measure_what_one_process_does(tmp_path):
     scene = load_scene(tmp_path / "closet.toml")
     chosen = backend.choose()
     wanted = views_of(scene, scene.cameras[:2], Sampling(noise_ratio=0.6), chosen.identity, 3, 2)
+    light = Store(tmp_path / "one").light(state_key(scene.state))
+    baked(scene.state, Store(tmp_path / "one"), chosen)
+    Store(tmp_path / "two").save(
+        tmp_path / "two" / light.relative_to(tmp_path / "one"), Store(tmp_path / "one").load(light)
+    )
     found = {
         name: acquire(wanted, Store(tmp_path / name), chosen, Heard, scale)
         for name, scale in {"one": HERE, "two": Scale(workers=2)}.items()
