@@ -16,6 +16,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 import validate.acquire as acquiring
 from pss import PTZCamera
@@ -24,6 +25,7 @@ from render.state import Light, Marker, Panel
 from render.view import random_stream, state_key
 from tests.views import an_awkward_view
 from validate.acquire import Acquisition, acquire, with_whole_views
+from validate.progress import ViewProgress
 from validate.store import Store, StoreError
 from validate.stored_views import DamagedViewError, certificate_of, load_view, save_view, stored_view
 from validate.worker_queue import WorkerQueue
@@ -35,23 +37,9 @@ MARKER = Marker(5, "board", (0.0, 0.0, 1.3), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), 0
 WAYS = ("cut", "flipped", "emptied")
 
 
-class NoProgress:
-    """Hears of the progress and says nothing."""
-
-    def __init__(self, total):
-        self.total = total
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *error):
-        return None
-
-    def note(self, what):
-        """Say nothing."""
-
-    def advance(self, what):
-        """Say nothing."""
+def no_progress(total):
+    """Progress that says nothing."""
+    return ViewProgress(total, Console(quiet=True))
 
 
 class QueueOfThisProcess:
@@ -111,7 +99,7 @@ def wanted(monkeypatch):
 def made(wanted, store):
     """Acquire, and give what came of it with what was rendered for it."""
     before = len(NoiseRenderer.rendered)
-    acquired = acquire(wanted, store, None, NoProgress)
+    acquired = acquire(wanted, store, None, no_progress)
     return acquired, NoiseRenderer.rendered[before:]
 
 
@@ -197,7 +185,7 @@ def test_a_reader_of_views_that_finds_one_damaged_has_it_rendered_again(wanted, 
     def use():
         return [stored_view(store, item.request.key).radiance.sum() for item in wanted]
 
-    found = with_whole_views(use, wanted, store, None, NoProgress)
+    found = with_whole_views(use, wanted, store, None, no_progress)
     assert len(NoiseRenderer.rendered) - before == 2
     assert found == use()
     store.view(wanted[0].request.key).unlink()

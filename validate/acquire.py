@@ -62,6 +62,7 @@ def acquire(
             "measured; allowed is a folder that you may write to, or one that has them all"
         )
     with progress_for(len(todo)) as progress:
+        progress.found(item.request for item in acquired.measured)
         if todo and scale == HERE:
             _make(todo, store, chosen, progress, acquired)
         elif todo:
@@ -71,10 +72,10 @@ def acquire(
             make_on_workers(todo, store, chosen, progress, acquired, scale)
     for item in todo:
         if item.request.key not in acquired.failed and not _loaded(item, store, acquired):
-            acquired.failed[item.request.key] = "its measurement is missing from the store"
+            _failed(item, "its measurement is missing from the store", progress, acquired)
     # In the order in which they are wanted, whatever was there and whatever was made now.
     acquired.measured = {item: acquired.measured[item] for item in unique if item in acquired.measured}
-    _find_appearances(unique, store, chosen, acquired)
+    _find_appearances(unique, store, chosen, progress, acquired)
     return acquired
 
 
@@ -119,19 +120,26 @@ def _loaded(item: Acquisition, store: Store, acquired: Acquired) -> bool:
     return False
 
 
-def _find_appearances(unique: Sequence[Acquisition], store: Store, chosen: backend.Backend, acquired: Acquired) -> None:
+def _find_appearances(
+    unique: Sequence[Acquisition],
+    store: Store,
+    chosen: backend.Backend,
+    progress: ViewProgress,
+    acquired: Acquired,
+) -> None:
     """How the markers of each scene state look; where the light cannot be solved, the state's views have failed."""
     for key, state in {state_key(item.request.state): item.request.state for item in unique}.items():
         members = [item for item in unique if state_key(item.request.state) == key]
         if all(item.request.key in acquired.failed for item in members):
             continue  # so that light that cannot be solved is not tried once more
         try:
-            acquired.appearances[key] = glow.appearance(state, baked(state, store, chosen))
+            acquired.appearances[key] = glow.appearance(state, baked(state, store, chosen, progress.light_solved))
         except StoreError:
             raise
         except Exception as error:
             for item in members:
-                acquired.failed.setdefault(item.request.key, said(error))
+                if item.request.key not in acquired.failed:
+                    _failed(item, said(error), progress, acquired)
                 acquired.measured.pop(item, None)
 
 
@@ -144,14 +152,14 @@ def _make(
         if path is not None:
             store.push(path)
             acquired.measured_items.add(item)
+            progress.measured(item.request, (store.facts(path) or {}).get("seconds"))
         elif isinstance(error, DamagedViewError) and item not in damaged:
             damaged.append(item)
             return
         elif isinstance(error, StoreError) and not isinstance(error, DamagedViewError):
             raise error
         else:
-            acquired.failed[item.request.key] = said(error)
-        progress.advance(f"measured camera {item.request.camera.name}")
+            _failed(item, said(error), progress, acquired)
 
     with WorkerQueue(max(1, os.cpu_count() or 1), MOST_WAITING, done) as queue:
         _render_all(todo, store, chosen, queue, progress, acquired)
@@ -190,29 +198,38 @@ def _render_all(
             try:
                 if state in unlit:
                     raise LightError(unlit[state])
-                view = _renderer(request.state, store, chosen, renderers).render(request)
-                save_view(store, view, request)
+                renderer = _renderer(request.state, store, chosen, renderers, progress)
+                after_light = time.perf_counter()
+                view = renderer.render(request)
+                save_view(store, view, request, time.perf_counter() - after_light)
             except StoreError:
                 raise
             except Exception as error:  # one failing view must not end the sweep
-                acquired.failed[request.key] = said(error)
                 if isinstance(error, LightError):
                     unlit[state] = str(error)
-                progress.advance("failed")
+                _failed(item, said(error), progress, acquired)
                 continue
             acquired.render_seconds[request.key] = time.perf_counter() - begin
             acquired.certificates[request.key] = view.certificate
             acquired.rendered += 1
+            progress.rendered(request, acquired.render_seconds[request.key])
         queue.submit(item, measure, item.task(store))
     queue.drain(raise_if_interrupted)
     raise_if_interrupted()
 
 
-def _renderer(state: SceneState, store: Store, chosen: backend.Backend, renderers: dict[str, Renderer]) -> Renderer:
+def _failed(item: Acquisition, cause: str, progress: ViewProgress, acquired: Acquired) -> None:
+    acquired.failed[item.request.key] = cause
+    progress.failed(item.request, cause)
+
+
+def _renderer(
+    state: SceneState, store: Store, chosen: backend.Backend, renderers: dict[str, Renderer], progress: ViewProgress
+) -> Renderer:
     key = state_key(state)
     if key not in renderers:
         try:
-            meshes = baked(state, store, chosen)
+            meshes = baked(state, store, chosen, progress.light_solved)
         except StoreError:
             raise
         except Exception as error:
@@ -221,14 +238,27 @@ def _renderer(state: SceneState, store: Store, chosen: backend.Backend, renderer
     return renderers[key]
 
 
-def baked(state: SceneState, store: Store, chosen: backend.Backend | None = None) -> glow.GlowMeshes:
-    """The lit scene of a state, from the store or solved now: by `chosen`'s rays where meshes stand in the way."""
+def baked(
+    state: SceneState,
+    store: Store,
+    chosen: backend.Backend | None = None,
+    solved: Callable[[str, float], None] = lambda key, took_s: None,
+) -> glow.GlowMeshes:
+    """The lit scene of a state, from the store or solved now: by `chosen`'s rays where meshes stand in the way.
+
+    Args:
+        solved: hears the state's hash and the seconds, if it had to be solved.
+    """
     path = store.light(light_key(state))
     arrays = store.load(path)
     if arrays is None:
         if not store.writable:
             raise StoreError(f"{path} is missing, and its folder cannot be written; allowed is one that has it")
+        begin = time.perf_counter()
         meshes = glow.bake(state, solve_light(state, backend.start(chosen) if chosen else None))
-        store.save(path, {name: np.asarray(value) for name, value in vars(meshes).items()}, LIGHT)
+        took_s = time.perf_counter() - begin
+        arrays = {name: np.asarray(value) for name, value in vars(meshes).items()}
+        store.save(path, arrays, LIGHT, {"seconds": took_s})
+        solved(state_key(state), took_s)
         return meshes
     return glow.GlowMeshes(**arrays)

@@ -23,6 +23,7 @@ def with_exposures(
     say: Callable[[str], None],
     note: Callable[[str], None],
     chosen_backend: Backend | None = None,
+    solved: Callable[[str, float], None] = lambda key, took_s: None,
 ) -> list[Loaded]:
     """The same sweeps, with an exposure for every scene that leaves its own to be chosen.
 
@@ -31,7 +32,7 @@ def with_exposures(
     Args:
         say: is told each choice, in one line.
         note: is told what takes a while.
-        chosen_backend: as of `validate.acquire.baked`.
+        chosen_backend, solved: as of `validate.acquire.baked`.
     """
     open_scenes: dict[object, list[Loaded]] = {}
     for sweep, scene in loaded:
@@ -43,7 +44,7 @@ def with_exposures(
         scene = members[0][1]
         if not store.has(store.light(light_key(scene.state))):
             note("solving the scene's light, by which the exposure is chosen")
-        choice = _choose(members, store, chosen_backend)
+        choice = _choose(members, store, chosen_backend, solved)
         chosen[group] = choice.exposure_ms
         where = f" of {scene.path.name}" if len(open_scenes) > 1 else ""
         say(f"exposure{where}: {_described(choice, scene)}")
@@ -55,7 +56,9 @@ def with_exposures(
     ]
 
 
-def _choose(members: Sequence[Loaded], store: Store, chosen_backend: Backend | None) -> ExposureChoice:
+def _choose(
+    members: Sequence[Loaded], store: Store, chosen_backend: Backend | None, solved: Callable[[str, float], None]
+) -> ExposureChoice:
     scene = members[0][1]
     state = scene.state
     cameras = (
@@ -64,7 +67,7 @@ def _choose(members: Sequence[Loaded], store: Store, chosen_backend: Backend | N
         for configuration in sweep.configurations(with_its_cameras)
         for camera in configuration.cameras
     )
-    look = glow.appearance(state, baked(state, store, chosen_backend))
+    look = glow.appearance(state, baked(state, store, chosen_backend, solved))
     assert scene.auto_exposure is not None
     return choose_exposure(look, state.points_m, state.normals, cameras, scene.sensor, scene.auto_exposure)
 

@@ -133,15 +133,17 @@ def measure(task: MeasureTask) -> Path:
         numbers = capture(electrons, view.sensor, rng, pattern)
         trials.append(measure_capture(numbers, task.dictionary, task.marker_ids, view.sensor, SEARCHES[task.search]))
     pixels, covariances, strangers = zip(*trials, strict=True)
+    seconds = time.perf_counter() - begin
     store.save(
         task.path,
         {
             "pixels": np.array(pixels),
             "covariance": np.array(covariances),
             "strangers": np.array(sum(strangers)),
-            "seconds": np.array(time.perf_counter() - begin),
+            "seconds": np.array(seconds),
         },
         DETECTOR,
+        {"seconds": seconds, "trials": task.trials, "pixels": int(electrons.size)},
     )
     return task.path
 

@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Iterable
 from types import TracebackType
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
+from render.view import ViewRequest
+from validate.events import EventFile
+
 __all__ = ["ViewProgress", "clock"]
 
 # Until views of this run say better, a view is expected to take what it took on two cores (benchmarks/README.md).
 EXPECTED_SECONDS = 4.5
+# What solving the light of a scene state, and measuring one capture, takes there.
+EXPECTED_LIGHT_SECONDS, EXPECTED_MEASURE_SECONDS = 13.0, 0.6
 # The expectation counts as this many views already seen.
 EXPECTED_WEIGHT = 3.0
 SECONDS_BETWEEN_LINES = 10.0
@@ -25,15 +31,23 @@ def clock(seconds: float) -> str:
 
 
 class ViewProgress:
-    """Counts the views of a run: `with ViewProgress(total) as progress: … progress.advance("rendered zoom=2")`."""
+    """Counts the views of a run: `with ViewProgress(total) as progress: … progress.measured(request, 2.1)`.
 
-    def __init__(self, total: int, console: Console) -> None:
+    Args:
+        total: views that are still to be made.
+        console: where the bar goes; quiet for none.
+        events: where programs hear of each view; None for nowhere.
+    """
+
+    def __init__(self, total: int, console: Console, events: EventFile | None = None) -> None:
         self.total, self.done = total, 0
-        self._console = console
+        self._found = 0
+        self._events = events
+        self._quiet = console.quiet
         self._begin = self._last_line = time.monotonic()
         self._bar: Progress | None = None
         self._task = None
-        if console.is_terminal:
+        if console.is_terminal and not console.quiet:
             self._bar = Progress(
                 TextColumn("views"),
                 BarColumn(),
@@ -48,7 +62,7 @@ class ViewProgress:
     def __enter__(self) -> ViewProgress:
         if self._bar:
             self._bar.start()
-        elif self.total:
+        elif self.total and not self._quiet:
             print(f"views 0/{self.total}, {self.left()}", file=sys.stderr, flush=True)
         return self
 
@@ -72,6 +86,46 @@ class ViewProgress:
         self.done += 1
         if self._bar and self._task is not None:
             self._bar.update(self._task, completed=self.done, description=what, left=self.left())
+        elif self._quiet:
+            return
         elif time.monotonic() - self._last_line > SECONDS_BETWEEN_LINES or self.done == self.total:
             self._last_line = time.monotonic()
             print(f"views {self.done}/{self.total}, {self.left()}", file=sys.stderr, flush=True)
+
+    def found(self, requests: Iterable[ViewRequest]) -> None:
+        """These are in the store, image and measurement."""
+        known = list(requests)
+        for request in known:
+            self._found += 1
+            self._event("view-found", request, total=len(known) + self.total)
+
+    def light_solved(self, state: str, took_s: float) -> None:
+        """The light of a scene state is solved; `state` is its hash."""
+        if self._events is not None:
+            self._events.write("light-solved", state=state, took_s=round(took_s, 3))
+
+    def rendered(self, request: ViewRequest, took_s: float) -> None:
+        """A view is rendered and stored."""
+        self._event("view-rendered", request, took_s=round(took_s, 3))
+
+    def measured(self, request: ViewRequest, took_s: float | None) -> None:
+        """A view is measured, and so done; None where nobody knows how long it took."""
+        self.advance(f"measured camera {request.camera.name}")
+        self._event("view-measured", request, took_s=None if took_s is None else round(took_s, 3))
+
+    def failed(self, request: ViewRequest, cause: str) -> None:
+        """A view has failed, and will not be tried again in this run."""
+        if self.done < self.total:  # one that fails after it was measured is counted
+            self.advance("failed")
+        self._event("view-failed", request, cause=cause)
+
+    def _event(self, event: str, request: ViewRequest, total: int | None = None, **said: object) -> None:
+        if self._events is not None:
+            self._events.write(
+                event,
+                view=request.key,
+                camera=request.camera.name,
+                done=self._found + self.done,
+                total=self._found + self.total if total is None else total,
+                **said,
+            )

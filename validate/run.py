@@ -10,26 +10,25 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rich.console import Console
-
 from pss import RangeError
 from render import backend
 from render.sampling import Sampling
 from scenes import Scene, SceneError, SweepFile, known_sweeps, load_scene, load_sweep
 from validate import claims, compare, figures, slopes, summary, tables
 from validate.acquire import Acquired, Acquisition, acquire, with_whole_views
+from validate.dry_run import announce, exposures_assumed
+from validate.exit_codes import EXIT_DONE, EXIT_FAILED
 from validate.expose import with_exposures
-from validate.progress import EXPECTED_SECONDS, ViewProgress, clock
+from validate.progress import clock
 from validate.remote_store import is_address, open_store
+from validate.run_report import RunReport
 from validate.scale.options import HERE, Scale
 from validate.store import Store, StoreError, write_text
 from validate.sweep import Plan, SweepResult, assess_sweep, plan
 from validate.versions import versions
 from validate.warnings_of_views import warn_of_render_noise, warn_of_saturation
 
-__all__ = ["MEGABYTES_A_VIEW", "Options", "check_folders", "execute", "linked_views", "versions"]
-
-MEGABYTES_A_VIEW = 10
+__all__ = ["Options", "check_folders", "execute", "linked_views", "versions"]
 
 
 @dataclass(frozen=True)
@@ -46,6 +45,7 @@ class Options:
     variant: str | None = None
     dry_run: bool = False
     allow_outside: bool = False
+    quiet: bool = False
     scale: Scale = HERE
 
     @property
@@ -54,7 +54,7 @@ class Options:
         return self.out or Path("results") / "-".join(Path(name).stem for name in self.sweeps)
 
 
-def execute(options: Options, console: Console, errors: Console) -> int:
+def execute(options: Options, report: RunReport) -> int:
     """Run, print the tables, and return the exit code.
 
     Raises:
@@ -64,30 +64,40 @@ def execute(options: Options, console: Console, errors: Console) -> int:
     _check(options)
     chosen = backend.choose(options.variant)
     loaded = _loaded(options)
-    console.print(str(chosen), markup=False)
-    for warning in dict.fromkeys(warning for _, scene in loaded for warning in scene.warnings):
-        errors.print(warning, markup=False, soft_wrap=True)
+    report.console.print(str(chosen), markup=False)
     store = open_store(options.store)
-    exposed = with_exposures(
-        loaded,
-        store,
-        lambda line: console.print(line, markup=False, soft_wrap=True),
-        lambda line: errors.print(line, markup=False, soft_wrap=True),
-        chosen,
-    )
+    if not options.dry_run:
+        report.start(options.folder, "sweeps", sweeps=options.sweeps, store=options.store)
+    of_files = dict.fromkeys(warning for _, scene in loaded for warning in scene.warnings)
+    for warning in of_files:
+        report.warn(warning)
+    if options.dry_run:
+        exposed = exposures_assumed(loaded, store, chosen, report)
+    else:
+        exposed = with_exposures(
+            loaded,
+            store,
+            lambda line: report.console.print(line, markup=False, soft_wrap=True),
+            report.note,
+            chosen,
+            report.light_solved,
+        )
     plans = [
         plan(sweep, scene, chosen.identity, Sampling(noise_ratio=sweep.render_noise_ratio)) for sweep, scene in exposed
     ]
     wanted = [item for each in plans for views in each.views for item in views]
-    of_files = {warning for _, scene in loaded for warning in scene.warnings}
-    of_steps = (warning for each in plans for step in each.configurations for warning in step.scene.warnings)
-    for warning in dict.fromkeys(warning for warning in of_steps if warning not in of_files):
-        errors.print(warning, markup=False, soft_wrap=True)
+    of_steps = dict.fromkeys(
+        warning for each in plans for step in each.configurations for warning in step.scene.warnings
+    )
+    for warning in of_steps:
+        if warning not in of_files:
+            report.warn(warning)
     if options.dry_run:
-        _announce(plans, wanted, store, console)
-        return 0
+        counts = [f"{each.sweep.name}: {len(each.configurations)} configurations" for each in plans]
+        announce(counts, wanted, store, options.store, chosen, options.folder, report)
+        return EXIT_DONE
 
-    acquired = acquire(wanted, store, chosen, lambda total: ViewProgress(total, errors), options.scale)
+    acquired = acquire(wanted, store, chosen, report, options.scale)
     after_views = time.perf_counter()
     results = [assess_sweep(each, acquired) for each in plans]
     after_assessment = time.perf_counter()
@@ -96,12 +106,7 @@ def execute(options: Options, console: Console, errors: Console) -> int:
     drawn_from = figures.source_of(options.folder, results)
     if drawn_from != _figures_of_last_run(options.folder) or not figures.all_drawn(options.folder, results):
         with_whole_views(
-            lambda: figures.draw_all(options.folder, results, store),
-            wanted,
-            store,
-            chosen,
-            lambda total: ViewProgress(total, errors),
-            options.scale,
+            lambda: figures.draw_all(options.folder, results, store), wanted, store, chosen, report, options.scale
         )
     seconds = {
         "views": after_views - begin,
@@ -111,17 +116,20 @@ def execute(options: Options, console: Console, errors: Console) -> int:
         "total": time.perf_counter() - begin,
     }
     _write_run(options, plans, chosen, acquired, seconds, drawn_from)
-    summary.show(results, acquired, console)
-    console.print(
-        f"{len({i.request.key for i in wanted})} views ({acquired.rendered} rendered, "
-        f"{len(acquired.measured_items)} measured now) in {clock(seconds['total'])}; results in {options.folder}",
-        markup=False,
+    summary.show(results, acquired, report.console)
+    warn_of_render_noise(wanted, acquired, report.warn)
+    warn_of_saturation(wanted, acquired, report.warn)
+    report.failed(acquired.failed)
+    for each in results:
+        for label, cause in each.skipped:
+            report.left_out(f"{each.plan.sweep.name} {label}: left out, a view failed ({cause})")
+    counts_now = f"{acquired.rendered} rendered, {len(acquired.measured_items)} measured now"
+    return report.end(
+        EXIT_FAILED if acquired.failed else EXIT_DONE,
+        f"{len({i.request.key for i in wanted})} views ({counts_now}) in {clock(seconds['total'])}; "
+        f"results in {options.folder}",
+        acquired,
     )
-    warn_of_render_noise(wanted, acquired, errors)
-    warn_of_saturation(wanted, acquired, errors)
-    for key, cause in acquired.failed.items():
-        errors.print(f"view {key} failed: {cause}", markup=False, style="red")
-    return 1 if acquired.failed else 0
 
 
 def _check(options: Options) -> None:
@@ -175,20 +183,6 @@ def _loaded(options: Options) -> list[tuple[SweepFile, Scene]]:
     if problems:
         raise SceneError(problems)
     return loaded
-
-
-def _announce(plans: Sequence[Plan], wanted: Sequence[Acquisition], store: Store, console: Console) -> None:
-    """Say what a run would do."""
-    unique = list(dict.fromkeys(wanted))
-    missing = [item for item in unique if not store.has(store.view(item.request.key))]
-    unmeasured = [item for item in unique if not store.has(item.task(store).path)]
-    for each in plans:
-        console.print(f"{each.sweep.name}: {len(each.configurations)} configurations", markup=False)
-    console.print(
-        f"{len(unique)} views: {len(missing)} to render, {len(unmeasured)} to measure; about "
-        f"{clock(EXPECTED_SECONDS * len(unmeasured))} and {MEGABYTES_A_VIEW * len(missing)} MB",
-        markup=False,
-    )
 
 
 def _write(

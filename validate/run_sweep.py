@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import importlib
 import sys
+import traceback
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -17,6 +18,7 @@ if __package__ in (None, ""):  # run as a script: the project's root is the pare
 
 import tyro
 
+from validate.exit_codes import EXIT_BROKEN, EXIT_CODES, EXIT_INTERRUPTED, EXIT_MISTAKE
 from validate.scale.options import HERE, Scale
 
 __all__ = ["main", "run_sweep"]
@@ -30,7 +32,7 @@ SUBCOMMANDS = {
     "store": "validate.store_command",
 }
 RESERVED = ("compare", "check", "new-scene", "figures")
-DESCRIPTION = """Predict and measure sweeps of camera settings; see README.md for what is left in the results folder.
+DESCRIPTION = f"""Predict and measure sweeps of camera settings; see README.md for what is left in the results folder.
 
 Examples:
   run_sweep.py zoom focus selection
@@ -40,8 +42,9 @@ Examples:
   run_sweep.py calibration-error   how PSS ranks the bank's configurations if cameras are wrongly calibrated
   run_sweep.py schedule hallway    cameras follow two people who pass each other, by one strategy after the other
   run_sweep.py store verify    check every stored file; list and prune what is stored (store --help)
-  run_sweep.py pixel-noise     a marker's bias and σ against blur, size, incidence and signal (pixel-noise --help)"""
-EXIT_DONE, EXIT_FAILED, EXIT_MISTAKE, EXIT_INTERRUPTED = 0, 1, 2, 130
+  run_sweep.py pixel-noise     a marker's bias and σ against blur, size, incidence and signal (pixel-noise --help)
+
+{EXIT_CODES}"""
 
 
 def run_sweep(
@@ -56,6 +59,7 @@ def run_sweep(
     variant: Literal["llvm_ad_mono", "cuda_ad_mono", "scalar_rgb"] | None = None,
     dry_run: bool = False,
     allow_outside: bool = False,
+    quiet: bool = False,
     scale: Annotated[Scale, tyro.conf.arg(name="")] = HERE,
 ) -> int:
     """Predict and measure sweeps of camera settings.
@@ -69,22 +73,21 @@ def run_sweep(
         seed: of the run, in place of the sweeps' own.
         set: override a key of the scene file, or (sweep.KEY) of the sweep file; may be repeated.
         variant: Mitsuba's variant (default: LLVM if a libLLVM is found, else scalar).
-        dry_run: say what would be done, and stop.
+        dry_run: say what would be done, how long it would take and how much it would fill, and stop.
         allow_outside: let files name others outside their folder (see "Files from others" in docs/scenes.md).
+        quiet: print nothing but errors and the last line, which says where the results are.
         scale: where views are made (docs/scale.md).
     """
-    from rich.console import Console
-
     from validate.run import Options, execute
+    from validate.run_report import RunReport
 
-    options = Options(sweeps, scene, out, store, trials, seed, set, variant, dry_run, allow_outside, scale)
-    # In a file or a pipe the tables keep their columns; 80 would break every line.
-    wide = None if sys.stdout.isatty() else 140
-    return execute(options, Console(width=wide), Console(stderr=True))
+    options = Options(sweeps, scene, out, store, trials, seed, set, variant, dry_run, allow_outside, quiet, scale)
+    with RunReport(quiet) as report:
+        return execute(options, report)
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Parse the command line, run, and turn the user's mistakes into one line and exit code 2."""
+    """Parse the command line, run, and give the exit code; the user's mistakes are one line."""
     arguments = sys.argv[1:] if arguments is None else arguments
     if arguments and arguments[0] in RESERVED:
         print(f"run_sweep.py: '{arguments[0]}' is kept for a subcommand that does not exist yet", file=sys.stderr)
@@ -101,7 +104,8 @@ def main(arguments: list[str] | None = None) -> int:
         from pss import PSSError
 
         if not isinstance(error, PSSError):
-            raise
+            traceback.print_exc()
+            return EXIT_BROKEN
         print(f"run_sweep.py: {error}", file=sys.stderr)
         return EXIT_MISTAKE
 

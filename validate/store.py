@@ -176,13 +176,13 @@ class Store:
             return facts
         raise StoreError(f"{path}: changed {MOST_CHANGES} times while it was read; allowed is a file that stays")
 
-    def save(self, path: Path, arrays: Arrays, version: str = "") -> None:
-        """Write arrays to one of the store's paths; `version` names what made them."""
+    def save(self, path: Path, arrays: Arrays, version: str = "", facts: dict[str, Any] | None = None) -> None:
+        """Write arrays to one of the store's paths; `version` names what made them, `facts` are as of `write`."""
         buffer = io.BytesIO()
         np.savez_compressed(buffer, **arrays)
         data = buffer.getvalue()
-        facts = {"version": version} if version else {}
-        self.write(path, lambda temporary: _write_bytes(temporary, data), facts, len(data))
+        said = ({"version": version} if version else {}) | (facts or {})
+        self.write(path, lambda temporary: _write_bytes(temporary, data), said, len(data))
 
     def load(self, path: Path) -> Arrays | None:
         """The arrays of one of the store's paths; None where there is nothing (or nothing whole)."""

@@ -21,8 +21,11 @@ class DamagedViewError(StoreError):
     """A view that was in the store is not there, or was set aside: it has to be rendered again."""
 
 
-def save_view(store: Store, view: RenderedView, request: ViewRequest) -> None:
+def save_view(store: Store, view: RenderedView, request: ViewRequest, seconds: float | None = None) -> None:
     """Store a rendered view, with its certificate in its sum.
+
+    Args:
+        seconds: s, that rendering took, where known: with renderer and pixels, for who asks how long others will take.
 
     Raises:
         StoreError: the store cannot be written, or the disk is full.
@@ -41,7 +44,8 @@ def save_view(store: Store, view: RenderedView, request: ViewRequest) -> None:
                 raise disk_full(path, f"up to {most:,}", written) from error
             raise
 
-    store.write(path, write, _facts(view))
+    rate = {"seconds": seconds, "pixels": int(view.radiance.size), "renderer": request.renderer}
+    store.write(path, write, _facts(view) | (rate if seconds is not None else {}))
 
 
 def load_view(store: Store, key: str) -> RenderedView | None:

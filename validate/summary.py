@@ -110,8 +110,6 @@ def _detection_table(results: Sequence[SweepResult]) -> Table:
 def _remarks(result: SweepResult, acquired: Acquired, console: Console) -> None:
     """Results that are no errors, but that a reader must know of."""
     name = result.plan.sweep.name
-    for label, cause in result.skipped:
-        console.print(f"{name} {label}: left out, a view failed ({cause})", markup=False)
     for configuration, assessment, wanted in zip(result.configurations, result.assessments, result.views, strict=True):
         where = f"{name} {configuration.label}"
         if len(configuration.cameras) < 2:

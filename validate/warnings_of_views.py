@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
-
-from rich.console import Console
+from collections.abc import Callable, Sequence
 
 from validate.acquire import Acquired, Acquisition
 
@@ -14,11 +11,10 @@ __all__ = ["SATURATED_SHARE", "warn_of_render_noise", "warn_of_saturation"]
 # Of the pixels on a view's markers (0 to 1): one of a marker's few hundred may be saturated, and its centre does not
 # notice.
 SATURATED_SHARE = 0.001
-ONE_YELLOW_LINE: dict[str, Any] = {"style": "yellow", "markup": False, "highlight": False, "soft_wrap": True}
 
 
-def warn_of_render_noise(wanted: Sequence[Acquisition], acquired: Acquired, errors: Console) -> None:
-    """Say which views have more sampling noise than was asked."""
+def warn_of_render_noise(wanted: Sequence[Acquisition], acquired: Acquired, warn: Callable[[str], None]) -> None:
+    """Say which views have more sampling noise than was asked, in one line."""
     bounds = {item.request.key: item.request.sampling.noise_ratio for item in wanted}
     missed = {
         key: certificate.edge_p999
@@ -27,15 +23,14 @@ def warn_of_render_noise(wanted: Sequence[Acquisition], acquired: Acquired, erro
     }
     if missed:
         worst = max(missed, key=lambda key: missed[key])
-        errors.print(
+        warn(
             f"{len(missed)} of {len(bounds)} views have more sampling noise at the edges of markers than was asked; "
             f"the worst is {worst}: {missed[worst]:.2f} of the sensor's noise, asked: {bounds[worst]:g} "
-            "(99.9th percentile)",
-            **ONE_YELLOW_LINE,
+            "(99.9th percentile)"
         )
 
 
-def warn_of_saturation(wanted: Sequence[Acquisition], acquired: Acquired, errors: Console) -> None:
+def warn_of_saturation(wanted: Sequence[Acquisition], acquired: Acquired, warn: Callable[[str], None]) -> None:
     """Say which views are overexposed where it counts, and what helps: edges that saturate seem to lie elsewhere."""
     requests = {item.request.key: item.request for item in wanted}
     bright = {
@@ -45,9 +40,8 @@ def warn_of_saturation(wanted: Sequence[Acquisition], acquired: Acquired, errors
     }
     if bright:
         worst = max(bright, key=lambda key: bright[key])
-        errors.print(
+        warn(
             f"{len(bright)} of {len(requests)} views have more than {SATURATED_SHARE:.1%} of the pixels on markers "
             f"saturated; the worst is camera {requests[worst].camera.name}: {bright[worst]:.1%}. What helps: a shorter "
-            'sensor.exposure_ms, a larger f_number, or exposure_ms = "auto"',
-            **ONE_YELLOW_LINE,
+            'sensor.exposure_ms, a larger f_number, or exposure_ms = "auto"'
         )

@@ -1,0 +1,220 @@
+"""What a run would do, how long it would take and how much it would fill: said without rendering anything.
+
+Seconds and bytes are those of the store's own newest views, light and measurements, as far as their sums tell (those of
+older versions do not); else those of two cores, which the benchmarks state. Whether a file is there is asked of its
+name, and no image is opened.
+"""
+
+from __future__ import annotations
+
+import heapq
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from render.backend import Backend
+from render.view import state_key
+from scenes import Scene, SweepFile
+from validate.acquire import Acquisition
+from validate.expose import with_exposures
+from validate.progress import EXPECTED_LIGHT_SECONDS, EXPECTED_MEASURE_SECONDS, EXPECTED_SECONDS, clock
+from validate.run_report import RunReport
+from validate.store import Store
+from validate.sums import SUFFIX, FileSum, read_sums
+from validate.whole_files import free_bytes
+
+__all__ = ["Forecast", "announce", "exposures_assumed", "forecast"]
+
+# Of each kind of file, so many of the newest are asked for their seconds: more would only take time to read.
+MOST_ASKED = 200
+# Views, light or measurements below which their mean says less than the benchmarks.
+LEAST_KNOWN = 5
+# Of a view, as the store's are: 9.0 MB on average at 1280 × 960.
+VIEW_BYTES_A_PIXEL = 7.4
+# Of the store's files, in the median; both are small beside a view.
+LIGHT_BYTES, MEASUREMENT_BYTES = 1_000_000, 7_000
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What a run would do.
+
+    Attributes:
+        views: different images that are wanted.
+        rendered, measured: images and measurements that the store has.
+        to_render, to_measure, to_light: what it has not; light is solved once for each scene state.
+        seconds: s, all of it, without tables and figures.
+        needed_bytes: of what would be added to the store.
+        asked: past views whose seconds were taken; 0 where the benchmarks' were.
+    """
+
+    views: int
+    rendered: int
+    measured: int
+    to_render: int
+    to_measure: int
+    to_light: int
+    seconds: float
+    needed_bytes: int
+    asked: int
+
+
+def forecast(wanted: Sequence[Acquisition], store: Store, renderer: str, workers: int) -> Forecast:
+    """Count what is missing, and reckon how long it takes.
+
+    Args:
+        renderer: identity of what would render; past views of another one do not count.
+        workers: processes that measure.
+    """
+    unique = list(dict.fromkeys(wanted))
+    images = {item.request.key: item for item in unique}
+    to_render = [item for key, item in images.items() if not store.has(store.view(key))]
+    missing = {item.request.key for item in to_render}
+    to_measure = [item for item in unique if not store.has(item.task(store).path)]
+    states = dict.fromkeys(state_key(item.request.state) for item in unique)
+    to_light = [key for key in states if not store.has(store.light(key))]
+
+    needed, asked, render_s, measure_s = 0.0, 0, 0.0, 0.0
+    views = [known for known in _newest(store.folder / "views") if known.facts.get("renderer") == renderer]
+    for item in to_render:
+        alike = _alike(views, item)
+        asked = max(asked, len(alike))
+        render_s += _mean([_seconds(known) for known in alike], EXPECTED_SECONDS)
+        needed += _mean([known.size_bytes for known in alike], VIEW_BYTES_A_PIXEL * _pixels(item))
+    measurements = _newest(store.folder / "measurements")
+    # What is measured while others are rendered holds nothing up; what is rendered already is all that is left to do.
+    afterwards_s = 0.0
+    for item in to_measure:
+        rates = [_seconds(known) / known.facts["trials"] for known in _alike(measurements, item)]
+        of_item = item.trials * _mean(rates, EXPECTED_MEASURE_SECONDS)
+        measure_s += of_item
+        afterwards_s += 0.0 if item.request.key in missing else of_item
+    light_s = _mean([_seconds(known) for known in _newest(store.folder / "light")], EXPECTED_LIGHT_SECONDS)
+    needed += LIGHT_BYTES * len(to_light) + MEASUREMENT_BYTES * len(to_measure)
+    return Forecast(
+        views=len(images),
+        rendered=len(images) - len(to_render),
+        measured=len(unique) - len(to_measure),
+        to_render=len(to_render),
+        to_measure=len(to_measure),
+        to_light=len(to_light),
+        seconds=light_s * len(to_light) + max(render_s + afterwards_s / workers, measure_s / workers),
+        needed_bytes=round(needed),
+        asked=asked,
+    )
+
+
+def announce(
+    counts: Sequence[str],
+    wanted: Sequence[Acquisition],
+    store: Store,
+    address: str,
+    chosen: Backend,
+    folder: Path,
+    report: RunReport,
+    workers: int | None = None,
+) -> Forecast:
+    """Say what a run would do, and warn if the disk has no room for it.
+
+    Args:
+        counts: lines that say how many configurations, or runs and steps, there are.
+        address: of the store, as the user gave it.
+        folder: of the results.
+        workers: processes that measure (default: one a core).
+    """
+    workers = workers or max(1, os.cpu_count() or 1)
+    said = forecast(wanted, store, chosen.identity, workers)
+    free = free_bytes(store.folder / "views")
+    rates = f"as {said.asked} past views of this store" if said.asked else "at the rates of two cores (docs/runs.md)"
+    here = "" if address == str(store.folder) else f", on this machine {store.folder}"
+    library = f", {chosen.libllvm}" if chosen.libllvm else ""
+    to_measure = f"{said.to_measure} to measure ({said.measured} stored)"
+    lines = [
+        *counts,
+        f"{said.views} views: {said.to_render} to render ({said.rendered} stored), {to_measure}; "
+        f"light of {said.to_light} scene states to solve",
+        f"about {clock(said.seconds)} and {_megabytes(said.needed_bytes)}, {rates}"
+        if said.seconds
+        else "nothing to do",
+        f"{chosen.identity}{library}; {workers} measuring processes",
+        f"store {address}{here}: {_megabytes(free)} free; results would be in {folder}",
+    ]
+    for line in lines:
+        report.console.print(line, markup=False, soft_wrap=True)
+    if said.needed_bytes > free:
+        report.errors.print(
+            f"the disk is too small: {_megabytes(said.needed_bytes)} would be added to {store.folder}, "
+            f"{_megabytes(free)} are free",
+            style="red",
+            markup=False,
+            soft_wrap=True,
+        )
+    return said
+
+
+def exposures_assumed(
+    loaded: Sequence[tuple[SweepFile, Scene]], store: Store, chosen: Backend, report: RunReport
+) -> list[tuple[SweepFile, Scene]]:
+    """The same sweeps with exposures of "auto" chosen, as far as the light is solved already.
+
+    Where it is not, the longest exposure stands in: the views have no names yet, and all of them count as missing.
+    """
+    found = []
+    for sweep, scene in loaded:
+        if scene.auto_exposure is None or store.has(store.light(state_key(scene.state))):
+            found.append((sweep, scene))
+            continue
+        report.note(
+            f"{scene.path.name}: the exposure is chosen by light that is not solved yet; all views count as missing"
+        )
+        found.append((sweep, scene.with_exposure(scene.auto_exposure.longest_ms)))
+    return with_exposures(
+        found, store, lambda line: report.console.print(line, markup=False, soft_wrap=True), report.note, chosen
+    )
+
+
+def _newest(folder: Path) -> list[FileSum]:
+    """What the newest files of a folder say of themselves, those alone that say how long they took."""
+    found = heapq.nlargest(MOST_ASKED, _sums_of(folder))
+    known = [(read_sums(Path(path.removesuffix(SUFFIX))) or [None])[-1] for _, path in found]
+    return [each for each in known if each is not None and "seconds" in each.facts]
+
+
+def _sums_of(folder: Path) -> Iterator[tuple[int, str]]:
+    """Time of change in ns, and path, of the sums in a folder and its folders."""
+    try:
+        entries = list(os.scandir(folder))
+    except OSError:
+        return
+    for entry in entries:
+        try:
+            if entry.is_dir():
+                yield from _sums_of(Path(entry.path))
+            elif entry.name.endswith(SUFFIX):
+                yield entry.stat().st_mtime_ns, entry.path
+        except FileNotFoundError:  # pruned meanwhile
+            continue
+
+
+def _alike(known: Sequence[FileSum], item: Acquisition) -> list[FileSum]:
+    """Those of as many pixels; none if they are too few to say anything."""
+    found = [each for each in known if each.facts.get("pixels") == _pixels(item)]
+    return found if len(found) >= LEAST_KNOWN else []
+
+
+def _pixels(item: Acquisition) -> int:
+    width, height = item.request.camera.resolution
+    return width * height
+
+
+def _seconds(known: FileSum) -> float:
+    return float(known.facts["seconds"])
+
+
+def _mean(values: Sequence[float], otherwise: float) -> float:
+    return sum(values) / len(values) if values else otherwise
+
+
+def _megabytes(size_bytes: int) -> str:
+    return f"{size_bytes / 1e6:,.0f} MB"
