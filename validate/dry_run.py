@@ -14,12 +14,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from render.backend import Backend
-from render.view import state_key
+from render.view import light_key
 from scenes import Scene, SweepFile
 from validate.acquire import Acquisition
 from validate.expose import with_exposures
 from validate.progress import EXPECTED_LIGHT_SECONDS, EXPECTED_MEASURE_SECONDS, EXPECTED_SECONDS, clock
 from validate.run_report import RunReport
+from validate.scale.options import HERE, Scale
 from validate.store import Store
 from validate.sums import SUFFIX, FileSum, read_sums
 from validate.whole_files import free_bytes
@@ -72,8 +73,8 @@ def forecast(wanted: Sequence[Acquisition], store: Store, renderer: str, workers
     to_render = [item for key, item in images.items() if not store.has(store.view(key))]
     missing = {item.request.key for item in to_render}
     to_measure = [item for item in unique if not store.has(item.task(store).path)]
-    states = dict.fromkeys(state_key(item.request.state) for item in unique)
-    to_light = [key for key in states if not store.has(store.light(key))]
+    lights = dict.fromkeys(light_key(item.request.state) for item in unique)
+    to_light = [key for key in lights if not store.has(store.light(key))]
 
     needed, asked, render_s, measure_s = 0.0, 0, 0.0, 0.0
     views = [known for known in _newest(store.folder / "views") if known.facts.get("renderer") == renderer]
@@ -113,7 +114,7 @@ def announce(
     chosen: Backend,
     folder: Path,
     report: RunReport,
-    workers: int | None = None,
+    scale: Scale = HERE,
 ) -> Forecast:
     """Say what a run would do, and warn if the disk has no room for it.
 
@@ -121,23 +122,26 @@ def announce(
         counts: lines that say how many configurations, or runs and steps, there are.
         address: of the store, as the user gave it.
         folder: of the results.
-        workers: processes that measure (default: one a core).
+        scale: where views would be made. The time is that of this machine alone.
     """
-    workers = workers or max(1, os.cpu_count() or 1)
+    workers = max(1, os.cpu_count() or 1)
+    made_by = f"{workers} measuring processes"
+    if scale != HERE:
+        made_by = f"the workers of {scale.cluster}" if scale.cluster else f"{scale.workers} workers"
     said = forecast(wanted, store, chosen.identity, workers)
     free = free_bytes(store.folder / "views")
     rates = f"as {said.asked} past views of this store" if said.asked else "at the rates of two cores (docs/runs.md)"
     here = "" if address == str(store.folder) else f", on this machine {store.folder}"
     library = f", {chosen.libllvm}" if chosen.libllvm else ""
     to_measure = f"{said.to_measure} to measure ({said.measured} stored)"
+    to_light = f"light of {said.to_light} scene states to solve"
     lines = [
         *counts,
-        f"{said.views} views: {said.to_render} to render ({said.rendered} stored), {to_measure}; "
-        f"light of {said.to_light} scene states to solve",
+        f"{said.views} views: {said.to_render} to render ({said.rendered} stored), {to_measure}; {to_light}",
         f"about {clock(said.seconds)} and {_megabytes(said.needed_bytes)}, {rates}"
         if said.seconds
         else "nothing to do",
-        f"{chosen.identity}{library}; {workers} measuring processes",
+        f"{chosen.identity}{library}; {made_by}",
         f"store {address}{here}: {_megabytes(free)} free; results would be in {folder}",
     ]
     for line in lines:
@@ -162,7 +166,7 @@ def exposures_assumed(
     """
     found = []
     for sweep, scene in loaded:
-        if scene.auto_exposure is None or store.has(store.light(state_key(scene.state))):
+        if scene.auto_exposure is None or store.has(store.light(light_key(scene.state))):
             found.append((sweep, scene))
             continue
         report.note(

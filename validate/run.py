@@ -94,7 +94,7 @@ def execute(options: Options, report: RunReport) -> int:
             report.warn(warning)
     if options.dry_run:
         counts = [f"{each.sweep.name}: {len(each.configurations)} configurations" for each in plans]
-        announce(counts, wanted, store, options.store, chosen, options.folder, report)
+        announce(counts, wanted, store, options.store, chosen, options.folder, report, options.scale)
         return EXIT_DONE
 
     acquired = acquire(wanted, store, chosen, report, options.scale)

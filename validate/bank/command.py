@@ -23,7 +23,7 @@ from validate.acquire import Acquired
 from validate.bank.ceilings import oracle_rows, parts_rows
 from validate.bank.design import BankDesign, ViewBank, held_out_views, training_views
 from validate.bank.levels import blunder_row, consistency_rows, detection_rows, pixel_rows
-from validate.bank.prepare import acquire_banks, calibrate
+from validate.bank.prepare import acquire_banks, calibrate, enough
 from validate.bank.sensitivity import sensitivity_rows
 from validate.bank.study import (
     asked_pairs,
@@ -34,9 +34,14 @@ from validate.bank.study import (
     visibilities,
 )
 from validate.bank.verdict import leaderboard
+from validate.dry_run import announce
+from validate.exit_codes import EXIT_DONE, EXIT_FAILED
 from validate.findings.bank import bank_findings
 from validate.findings.tables import read_tables
 from validate.progress import clock
+from validate.remote_store import open_store
+from validate.run import check_folders
+from validate.run_report import RunReport
 from validate.scale.options import HERE, Scale
 from validate.store import write_text
 from validate.tables import write_csv
@@ -47,6 +52,8 @@ Row = dict[str, object]
 
 SECOND_SCENE = "atrium.toml"
 COUNTS = (2, 3, 4, 6)
+# Columns of the tables, on every terminal.
+WIDTH = 140
 # The camera count whose configurations are tracked by the filter as well, and the one of the headline.
 HEADLINE = 4
 # Noise models whose parts are exchanged for what was measured.
@@ -65,10 +72,14 @@ def run(
     seed: int = 1,
     set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="KEY=VALUE")] = (),
     variant: Literal["llvm_ad_mono", "cuda_ad_mono", "scalar_rgb"] | None = None,
+    dry_run: bool = False,
     allow_outside: bool = False,
+    quiet: bool = False,
     scale: Annotated[Scale, tyro.conf.arg(name="")] = HERE,
 ) -> int:
     """Judge all metrics and noise models on configurations drawn from a bank of views.
+
+    Exit codes are those of sweeps (run_sweep.py --help, docs/runs.md).
 
     Args:
         scene: scene file (default: the room).
@@ -82,37 +93,82 @@ def run(
         seed: of settings, captures and draws.
         set: override a key of the scene file; may be repeated.
         variant: Mitsuba's variant (default: LLVM if a libLLVM is found, else scalar).
+        dry_run: say what would be done, how long it would take and how much it would fill, and stop.
         allow_outside: let files name others outside their folder (see "Files from others" in docs/scenes.md).
+        quiet: print nothing but errors and the last line, which says where the results are.
         scale: where views are made (docs/scale.md).
     """
     scale.check()
-    begin = time.perf_counter()
-    console, errors = Console(width=140), Console(stderr=True)
-    chosen = backend.choose(variant)
-    console.print(str(chosen), markup=False)
     design = BankDesign(settings=settings, trials=trials, turns=turns, seed=seed)
-    first = load_scene(scene or SWEEPS.parent / "room.toml", set, allow_outside=allow_outside)
+    check_folders(out, store)
+    with RunReport(quiet, width=WIDTH) as report:
+        chosen = backend.choose(variant)
+        report.console.print(str(chosen), markup=False)
+        banks = _banks(scene, second_scene, set, allow_outside, design, chosen)
+        if not dry_run:
+            return _judge_all(banks, design, configurations, out, store, chosen, report, scale)
+        counts = [
+            f"{bank.scene.path.stem}, {bank.role}: {len(bank.views)} views of {design.turns} renders" for bank in banks
+        ]
+        counts.append(f"{configurations} configurations of each of {', '.join(map(str, COUNTS))} cameras")
+        wanted = [item for bank in banks for item in bank.wanted]
+        announce(counts, wanted, open_store(store), store, chosen, out, report, scale)
+        return EXIT_DONE
+
+
+def _banks(
+    scene: Path | None,
+    second_scene: Path | None,
+    overrides: tuple[str, ...],
+    allow_outside: bool,
+    design: BankDesign,
+    chosen: backend.Backend,
+) -> list[ViewBank]:
+    """The training bank, the one to be judged and, if there is another room, that of the second."""
+    first = load_scene(scene or SWEEPS.parent / "room.toml", overrides, allow_outside=allow_outside)
     training = training_views(first, design, chosen.identity)
     held_out = held_out_views(first, design, chosen.identity)
     second_path = second_scene or SWEEPS.parent / SECOND_SCENE
-    second = None
+    banks = [training, held_out]
     if second_path.exists():
         other_scene = load_scene(second_path, allow_outside=allow_outside)
-        second = held_out_views(other_scene, design, chosen.identity)
-    banks = [bank for bank in (training, held_out, second) if bank is not None]
-    acquired = acquire_banks(banks, store, chosen, errors, scale)
-    if acquired is None:
-        return 1
+        banks.append(held_out_views(other_scene, design, chosen.identity))
+    return banks
+
+
+def _judge_all(
+    wanted: list[ViewBank],
+    design: BankDesign,
+    configurations: int,
+    out: Path,
+    store: str,
+    chosen: backend.Backend,
+    report: RunReport,
+    scale: Scale,
+) -> int:
+    """Get the views, judge, and leave the tables; the exit code."""
+    begin = time.perf_counter()
+    opened = open_store(store)
+    report.start(out, "bank", store=store)
+    acquired, banks = acquire_banks(wanted, opened, chosen, report, scale)
     after_views = time.perf_counter()
-    calibration = calibrate(training, acquired, design, out)
-    tables = judge(held_out, acquired, calibration, configurations, design.seed, COUNTS, errors.print)
-    if second is not None:
-        other = judge(second, acquired, calibration, configurations, design.seed, (HEADLINE,), errors.print)
-        for name, rows in other.items():
-            tables[f"{second.scene.path.stem}-{name}"] = rows
-    for name, rows in tables.items():
-        write_csv(out / f"{name}.csv", rows)
-    write_text(out / "findings.md", bank_findings(read_tables(out)))
+    (training, held_out), others = banks[:2], banks[2:]
+    renders, views = (sum(counts) for counts in zip(*((len(b.wanted), len(b.views)) for b in banks), strict=True))
+    tables: dict[str, list[Row]] = {}
+    if enough(training, held_out, HEADLINE, report):
+        calibration = calibrate(training, acquired, design, out)
+        counts = tuple(count for count in COUNTS if count <= len({camera.name for camera in held_out.cameras}))
+        tables = judge(held_out, acquired, calibration, configurations, design.seed, counts, report.note)
+        for second in others:
+            if enough(training, second, HEADLINE, report):
+                other = judge(second, acquired, calibration, configurations, design.seed, (HEADLINE,), report.note)
+                tables |= {f"{second.scene.path.stem}-{name}": rows for name, rows in other.items()}
+        for name, rows in tables.items():
+            write_csv(out / f"{name}.csv", rows)
+        # Tables of an earlier run that lie there are not of this one.
+        written = {name: rows for name, rows in read_tables(out).items() if name in tables}
+        write_text(out / "findings.md", bank_findings(written))
+        _show(tables, calibration, report.console)
     seconds = {"views": after_views - begin, "total": time.perf_counter() - begin}
     content = {
         "design": asdict(design),
@@ -121,17 +177,17 @@ def run(
         "renderer": chosen.identity,
         "rendered": acquired.rendered,
         "measured": len(acquired.measured_items),
+        "failed": acquired.failed,
+        "tables": sorted(tables),
         "seconds": seconds,
     }
     write_text(out / "run.json", json.dumps(content, indent=2) + "\n")
-    _show(tables, calibration, console)
-    renders, views = (sum(counts) for counts in zip(*((len(b.wanted), len(b.views)) for b in banks), strict=True))
-    console.print(
+    return report.end(
+        EXIT_FAILED if acquired.failed else EXIT_DONE,
         f"{renders} renders ({acquired.rendered} now) of {views} views in {clock(seconds['total'])}, "
         f"{clock(seconds['total'] - seconds['views'])} after the views; results in {out}",
-        markup=False,
+        acquired,
     )
-    return 0
 
 
 def judge(

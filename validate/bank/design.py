@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -75,10 +75,11 @@ class BankView:
 
 @dataclass(frozen=True, eq=False)
 class ViewBank:
-    """A scene and the views that configurations are drawn from."""
+    """A scene and the views that configurations are drawn from; `role` is what they are for."""
 
     scene: Scene
     views: tuple[BankView, ...]
+    role: str = "held out"
 
     @property
     def cameras(self) -> tuple[PTZCamera, ...]:
@@ -89,6 +90,11 @@ class ViewBank:
     def wanted(self) -> list[Acquisition]:
         """All renders."""
         return [item for view in self.views for item in view.renders]
+
+    def without(self, failed: Collection[str]) -> ViewBank:
+        """The bank without the views of which a render is among these, by its hash."""
+        kept = (view for view in self.views if not any(item.request.key in failed for item in view.renders))
+        return dataclasses.replace(self, views=tuple(kept))
 
     def measured(self, acquired: Acquired) -> tuple[Floats, Floats]:
         """Pixels (V, T, N, 2) and their covariances in px² (V, T, N, 2, 2); nan where not detected."""
@@ -140,7 +146,7 @@ def _bank(scene: Scene, cameras: Sequence[PTZCamera], design: BankDesign, render
             parts = turned(setting, design.turns, rng)
             renders = views_of(scene, parts, sampling, renderer, design.seed, design.trials)
             views.append(BankView(setting, renders))
-    return ViewBank(scene, tuple(views))
+    return ViewBank(scene, tuple(views), role)
 
 
 def _setting(camera: PTZCamera, middle_m: Floats, design: BankDesign, rng: np.random.Generator) -> PTZCamera:

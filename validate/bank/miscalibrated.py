@@ -16,13 +16,18 @@ from render import backend
 from render.view import random_stream
 from scenes import load_scene
 from scenes.sweep_file import SWEEPS
-from validate.bank.design import BankDesign, draw_configurations, held_out_views, training_views
+from validate.acquire import Acquired
+from validate.bank.design import BankDesign, ViewBank, draw_configurations, held_out_views, training_views
 from validate.bank.miscalibrated_figure import draw
 from validate.bank.predicted import Contender
-from validate.bank.prepare import acquire_banks, calibrate
+from validate.bank.prepare import acquire_banks, calibrate, enough
 from validate.bank.study import appearance_of, data_of, noise_models, predictions, visibilities
 from validate.bank.verdict import single_frame_terms
 from validate.calibration_error import study
+from validate.exit_codes import EXIT_DONE, EXIT_FAILED
+from validate.remote_store import open_store
+from validate.run_report import RunReport
+from validate.scale.options import HERE, Scale
 from validate.tables import write_csv
 
 __all__ = ["main", "run"]
@@ -30,6 +35,8 @@ __all__ = ["main", "run"]
 Floats = NDArray[np.float64]
 
 CAMERAS = 4
+# Columns of the table, on every terminal.
+WIDTH = 140
 
 
 def run(
@@ -43,6 +50,7 @@ def run(
     seed: int = 1,
     variant: Literal["llvm_ad_mono", "cuda_ad_mono", "scalar_rgb"] | None = None,
     allow_outside: bool = False,
+    scale: Annotated[Scale, tyro.conf.arg(name="")] = HERE,
 ) -> int:
     """Rank configurations of four cameras whose pan, tilt, focal length and place are off by unknown errors.
 
@@ -59,17 +67,34 @@ def run(
         seed: of settings, captures and draws.
         variant: Mitsuba's variant (default: LLVM if a libLLVM is found, else scalar).
         allow_outside: let files name others outside their folder (see "Files from others" in docs/scenes.md).
+        scale: where views are made (docs/scale.md).
     """
-    console, errors = Console(width=140), Console(stderr=True)
-    chosen = backend.choose(variant)
-    console.print(str(chosen), markup=False)
+    scale.check()
     design = BankDesign(settings=settings, trials=trials, turns=turns, seed=seed)
     loaded = load_scene(scene or SWEEPS.parent / "room.toml", allow_outside=allow_outside)
-    training = training_views(loaded, design, chosen.identity)
-    bank = held_out_views(loaded, design, chosen.identity)
-    acquired = acquire_banks([training, bank], store, chosen, errors)
-    if acquired is None:
-        return 1
+    opened = open_store(store)
+    with RunReport(width=WIDTH) as report:
+        chosen = backend.choose(variant)
+        report.console.print(str(chosen), markup=False)
+        report.start(out, "calibration-error", store=store)
+        wanted = training_views(loaded, design, chosen.identity), held_out_views(loaded, design, chosen.identity)
+        acquired, (training, bank) = acquire_banks(wanted, opened, chosen, report, scale)
+        if enough(training, bank, CAMERAS, report):
+            _rank(training, bank, acquired, design, configurations, out, report.console)
+        return report.end(EXIT_FAILED if acquired.failed else EXIT_DONE, f"results in {out}", acquired)
+
+
+def _rank(
+    training: ViewBank,
+    bank: ViewBank,
+    acquired: Acquired,
+    design: BankDesign,
+    configurations: int,
+    out: Path,
+    console: Console,
+) -> None:
+    """Leave table and figure, and print the table."""
+    seed, loaded = design.seed, bank.scene
     calibration = calibrate(training, acquired, design, out)
     data = data_of(bank, acquired, seed)
     rng = random_stream(seed, bank.scene.path.name, "calibration error")
@@ -94,8 +119,6 @@ def run(
             *(_interval(row, name) for name in ("spearman_plain", "spearman_with_term")),
         )
     console.print(table)
-    console.print(f"results in {out}", markup=False)
-    return 0
 
 
 def _interval(row: dict[str, object], name: str) -> str:

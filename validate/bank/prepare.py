@@ -2,32 +2,48 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-
-from rich.console import Console
 
 from pss.noise import Calibration
 from render.backend import Backend
 from validate.acquire import Acquired, acquire
 from validate.bank.design import BankDesign, ViewBank
 from validate.bank.study import calibrated, data_of, limits_of
-from validate.progress import ViewProgress
-from validate.remote_store import open_store
+from validate.run_report import RunReport
 from validate.scale.options import HERE, Scale
-from validate.store import write_text
+from validate.store import Store, write_text
 
-__all__ = ["acquire_banks", "calibrate"]
+__all__ = ["acquire_banks", "calibrate", "enough"]
 
 
 def acquire_banks(
-    banks: list[ViewBank], store: str | Path, chosen: Backend, errors: Console, scale: Scale = HERE
-) -> Acquired | None:
-    """All renders of the banks, made where `scale` says and measured; None if one failed, which is said."""
+    banks: Sequence[ViewBank], store: Store, chosen: Backend, report: RunReport, scale: Scale = HERE
+) -> tuple[Acquired, list[ViewBank]]:
+    """All renders of the banks, made where `scale` says; and the banks without views that failed, which are named."""
     wanted = [item for bank in banks for item in bank.wanted]
-    acquired = acquire(wanted, open_store(store), chosen, lambda total: ViewProgress(total, errors), scale)
-    for key, cause in acquired.failed.items():
-        errors.print(f"view {key} failed: {cause}", markup=False, style="red")
-    return None if acquired.failed else acquired
+    acquired = acquire(wanted, store, chosen, report, scale)
+    report.failed(acquired.failed)
+    whole = [bank.without(acquired.failed) for bank in banks]
+    for bank, kept in zip(banks, whole, strict=True):
+        if lost := len(bank.views) - len(kept.views):
+            report.left_out(
+                f"{bank.scene.path.stem}, {bank.role}: {lost} of {len(bank.views)} views left out, as a render of each "
+                "failed; the others are judged as if these had never been wanted"
+            )
+    return acquired, whole
+
+
+def enough(training: ViewBank, judged: ViewBank, cameras: int, report: RunReport) -> bool:
+    """Whether there are views to calibrate on, and of so many cameras to judge; says so if not."""
+    names = {camera.name for camera in judged.cameras}
+    if training.views and len(names) >= cameras:
+        return True
+    report.left_out(
+        f"no tables of {judged.scene.path.stem}: {len(training.views)} training views and {len(names)} cameras are "
+        f"left, needed: 1 and {cameras}; all other views are in the store, and another run takes the failed ones only"
+    )
+    return False
 
 
 def calibrate(training: ViewBank, acquired: Acquired, design: BankDesign, out: Path) -> Calibration:

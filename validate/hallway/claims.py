@@ -60,7 +60,7 @@ def _of_curves(result: ScheduleResult, curves: Curves) -> Iterator[Row]:
         return
     free = runs[FOLLOW, None]
     zooms = np.array([[camera.zoom for camera in cameras] for cameras in result.held.design.runs[free].steered.cameras])
-    for limit in (limit for limit in limits if limit is not None):
+    for limit in (limit for limit in limits if limit is not None and (FOLLOW, limit) in runs):
         held_back = (zooms > limit).any(axis=1)
         number = runs[FOLLOW, limit]
         text = "the zoom limit lowers PSS at a distance, strategy (1)"

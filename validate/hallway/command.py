@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import importlib.util
 import json
-import os
 import time
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -18,8 +18,10 @@ from pss import RangeError
 from render import backend
 from scenes import load_scene
 from scenes.schedule_file import load_schedule
-from validate.acquire import Acquired, Acquisition, acquire, with_whole_views
+from validate.acquire import Acquired, acquire, with_whole_views
 from validate.compare import correlation_rows
+from validate.dry_run import announce
+from validate.exit_codes import EXIT_DONE, EXIT_FAILED
 from validate.hallway.agreement import ALL_RUNS, agreement_rows
 from validate.hallway.claims import claim_rows
 from validate.hallway.own_cameras import own_cameras
@@ -33,9 +35,11 @@ from validate.hallway.stage import BOTH, stage_of
 from validate.hallway.strategies import Strategy
 from validate.hallway.study import FULL_MODEL, Design, assess_held, design_of
 from validate.hallway.training import calibrate_hallway, training_views
-from validate.progress import EXPECTED_SECONDS, ViewProgress, clock
+from validate.hallway.wanted import Wanted
+from validate.progress import clock
 from validate.remote_store import open_store
-from validate.run import MEGABYTES_A_VIEW, check_folders, linked_views
+from validate.run import check_folders, linked_views
+from validate.run_report import RunReport
 from validate.scale.options import HERE, Scale
 from validate.store import Store, atomic_path, write_text
 from validate.tables import timing_rows, view_rows, write_csv
@@ -61,9 +65,12 @@ def run(
     real_walk: bool = True,
     dry_run: bool = False,
     allow_outside: bool = False,
+    quiet: bool = False,
     scale: Annotated[Scale, tyro.conf.arg(name="")] = HERE,
 ) -> int:
     """Predict and measure how strategies steer cameras at two people who pass each other.
+
+    Exit codes are those of sweeps (run_sweep.py --help, docs/runs.md).
 
     Args:
         schedule: name of a file in scenes/schedules, or the path of such a file.
@@ -76,14 +83,12 @@ def run(
         set: override a key of the scene file, or (sweep.KEY) of the schedule file; may be repeated.
         variant: Mitsuba's variant (default: LLVM if a libLLVM is found, else scalar).
         real_walk: whether to render and track the walk frame by frame as well, if the schedule asks for it.
-        dry_run: say what would be done, and stop.
+        dry_run: say what would be done, how long it would take and how much it would fill, and stop.
         allow_outside: let files name others outside their folder (see "Files from others" in docs/scenes.md).
+        quiet: print nothing but errors and the last line, which says where the results are.
         scale: where views are made (docs/scale.md).
     """
     scale.check()
-    begin = time.perf_counter()
-    # In a file or a pipe the tables keep their columns.
-    console, errors = Console(width=None if os.isatty(1) else 140), Console(stderr=True)
     overrides = list(set)
     overrides += [f"sweep.trials={trials}"] if trials is not None else []
     overrides += [f"sweep.seed={seed}"] if seed is not None else []
@@ -94,38 +99,81 @@ def run(
     strategies_of(file, own)  # raises what is wrong with them
     stage = stage_of(file, load_scene(scene or file.scene_path, overrides, allow_outside=allow_outside))
     opened = open_store(store)
-    chosen = backend.choose(variant)
-    console.print(str(chosen), markup=False)
-    for warning in stage.scene.warnings:
-        errors.print(warning, markup=False, soft_wrap=True)
-    errors.print("steering the cameras", markup=False)
-    runs = steered_runs(file, stage, own)
-    training = training_views(file, stage, chosen.identity)
-    design = design_of(file, stage, runs, chosen.identity)
-    real = real_walk_of(file, stage, own, chosen.identity) if real_walk else None
-    wanted = [item for place in training for item in place.wanted] + design.wanted
-    wanted += [] if real is None else real.wanted
-    if dry_run:
-        _announce(design, wanted, opened, console)
-        return 0
-    acquired = acquire(wanted, opened, chosen, lambda total: ViewProgress(total, errors), scale)
-    for key, cause in acquired.failed.items():
-        errors.print(f"view {key} failed: {cause}", markup=False, style="red")
-    if acquired.failed:
-        return 1
+    with RunReport(quiet) as report:
+        chosen = backend.choose(variant)
+        report.console.print(str(chosen), markup=False)
+        report.note("steering the cameras")
+        runs = steered_runs(file, stage, own)
+        wanted = Wanted(
+            training_views(file, stage, chosen.identity),
+            design_of(file, stage, runs, chosen.identity),
+            real_walk_of(file, stage, own, chosen.identity) if real_walk else None,
+        )
+        if not dry_run:
+            report.start(folder, "schedule", schedule=schedule, store=store)
+        for warning in stage.scene.warnings:
+            report.warn(warning)
+        if not dry_run:
+            return _judge(wanted, folder, opened, chosen, report, scale)
+        counts = [f"{file.name}: {len(runs)} runs of {len(wanted.design.scenes)} steps"]
+        if wanted.real is not None:
+            counts.append(f"the real walk: {len(wanted.real.scenes)} frames")
+        announce(counts, wanted.views, opened, store, chosen, folder, report, scale)
+        return EXIT_DONE
+
+
+def _judge(wanted: Wanted, folder: Path, store: Store, chosen: backend.Backend, report: RunReport, scale: Scale) -> int:
+    """Get the views, predict and measure, and leave tables, figures and film; the exit code."""
+    begin = time.perf_counter()
+    acquired = acquire(wanted.views, store, chosen, report, scale)
+    report.failed(acquired.failed)
+    whole = wanted.without(acquired.failed, report)
     after_views = time.perf_counter()
-    calibration = calibrate_hallway(training, acquired)
+    tables: dict[str, list[Row]] = {}
+    if whole is not None:
+        tables = _leave_tables(whole, acquired, folder)
+        linked_views(folder, [i.request.key for i in wanted.views if i.request.key not in acquired.failed], store)
+        if whole.real is not None:
+            tracked = track_real_walk(whole.real, acquired, calibrate_hallway(whole.training, acquired))
+            said = whole.design.schedule.said
+            told = said.process.acceleration_density_m2_s3
+            with_whole_views(
+                lambda: write_real_walk(folder, tracked, store, said.seed, told),
+                wanted.views,
+                store,
+                chosen,
+                report,
+                scale,
+            )
+        _show(tables, report.console)
+    seconds = {"views": after_views - begin, "total": time.perf_counter() - begin}
+    _write_run(folder, wanted.design, chosen.identity, acquired, sorted(tables), seconds)
+    warn_of_render_noise(wanted.views, acquired, report.warn)
+    warn_of_saturation(wanted.views, acquired, report.warn)
+    return report.end(
+        EXIT_FAILED if acquired.failed else EXIT_DONE,
+        f"{len({item.request.key for item in wanted.views})} views ({acquired.rendered} rendered, "
+        f"{len(acquired.measured_items)} measured now) in {clock(seconds['total'])}, "
+        f"{clock(seconds['total'] - seconds['views'])} after the views; results in {folder}",
+        acquired,
+    )
+
+
+def _leave_tables(whole: Wanted, acquired: Acquired, folder: Path) -> dict[str, list[Row]]:
+    """Tables and figure of the held steps, and what was calibrated for them."""
+    design = whole.design
+    calibration = calibrate_hallway(whole.training, acquired)
     held = assess_held(design, acquired, calibration)
     write_text(folder / "calibrated.toml", calibration.to_toml())
-    results = [result_of(held, avatar) for avatar in stage.groups]
+    results = [result_of(held, avatar) for avatar in design.stage.groups]
     both = results[-1]
-    first = _run_of(runs, "follow")
+    first = _run_of(design.runs, "follow")
     aside = None if first is None else own_cameras(held, first, acquired, calibration, both)
     tables: dict[str, list[Row]] = {
         "configurations": [row for result in results for row in held_configuration_rows(result)],
         "points": held_point_rows(both),
         "views": view_rows([both], acquired),
-        "timings": timing_rows(wanted, acquired),
+        "timings": timing_rows(whole.views, acquired),
         "correlation": [{"avatar": both.avatar, **row} for row in correlation_rows(both)],
         "agreement": [row for result in results for row in agreement_rows(result)],
         "strategies": [row for result in results for row in strategy_rows(result)],
@@ -135,31 +183,8 @@ def run(
     }
     for name, rows in tables.items():
         write_csv(folder / f"{name}.csv", rows)
-    linked_views(folder, [item.request.key for item in wanted], opened)
     _draw(folder, both)
-    if real is not None:
-        tracked = track_real_walk(real, acquired, calibration)
-        told = file.said.process.acceleration_density_m2_s3
-        with_whole_views(
-            lambda: write_real_walk(folder, tracked, opened, file.said.seed, told),
-            wanted,
-            opened,
-            chosen,
-            lambda total: ViewProgress(total, errors),
-            scale,
-        )
-    seconds = {"views": after_views - begin, "total": time.perf_counter() - begin}
-    _write_run(folder, design, chosen.identity, acquired, seconds)
-    _show(tables, console)
-    console.print(
-        f"{len({item.request.key for item in wanted})} views ({acquired.rendered} rendered, "
-        f"{len(acquired.measured_items)} measured now) in {clock(seconds['total'])}, "
-        f"{clock(seconds['total'] - seconds['views'])} after the views; results in {folder}",
-        markup=False,
-    )
-    warn_of_render_noise(wanted, acquired, errors)
-    warn_of_saturation(wanted, acquired, errors)
-    return 0
+    return tables
 
 
 def own_strategy(said: str) -> tuple[str, Strategy]:
@@ -185,22 +210,10 @@ def own_strategy(said: str) -> tuple[str, Strategy]:
     return name, function
 
 
-def _run_of(runs: list[Run], strategy: str) -> int | None:
+def _run_of(runs: Sequence[Run], strategy: str) -> int | None:
     """The run of a strategy without a zoom limit."""
     found = [number for number, each in enumerate(runs) if each.strategy == strategy and each.zoom_limit is None]
     return found[0] if found else None
-
-
-def _announce(design: Design, wanted: list[Acquisition], store: Store, console: Console) -> None:
-    unique = list(dict.fromkeys(wanted))
-    missing = [item for item in unique if not store.has(store.view(item.request.key))]
-    unmeasured = [item for item in unique if not store.has(item.task(store).path)]
-    console.print(
-        f"{design.schedule.name}: {len(design.runs)} runs of {len(design.scenes)} steps; {len(unique)} views: "
-        f"{len(missing)} to render, {len(unmeasured)} to measure; about {clock(EXPECTED_SECONDS * len(unmeasured))} "
-        f"and {MEGABYTES_A_VIEW * len(missing)} MB",
-        markup=False,
-    )
 
 
 def _draw(folder: Path, result: ScheduleResult) -> None:
@@ -215,7 +228,9 @@ def _draw(folder: Path, result: ScheduleResult) -> None:
     plt.close(figure)
 
 
-def _write_run(folder: Path, design: Design, renderer: str, acquired: Acquired, seconds: dict[str, float]) -> None:
+def _write_run(
+    folder: Path, design: Design, renderer: str, acquired: Acquired, tables: list[str], seconds: dict[str, float]
+) -> None:
     content: dict[str, Any] = {
         "schedule": design.schedule.resolved(),
         "scene": design.stage.scene.resolved(),
@@ -224,6 +239,8 @@ def _write_run(folder: Path, design: Design, renderer: str, acquired: Acquired, 
         "versions": versions(),
         "rendered": acquired.rendered,
         "measured": len(acquired.measured_items),
+        "failed": acquired.failed,
+        "tables": tables,
         "seconds": seconds,
     }
     write_text(folder / "run.json", json.dumps(content, indent=2) + "\n")

@@ -6,7 +6,7 @@ Runs whose cameras stand alike at a step are one configuration there: it is rend
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,6 +53,17 @@ class Design:
     def wanted(self) -> list[Acquisition]:
         """All views, those of a step together."""
         return [item for step in zip(*self.views, strict=True) for views in step for item in views]
+
+    def without(self, failed: Collection[str]) -> Design:
+        """The runs that need none of these views, given by their hashes.
+
+        Runs and not steps: means over the walk stay means over the whole walk, the same for all runs that are left.
+        """
+        needed = [{item.request.key for views in of_run for item in views} for of_run in self.views]
+        kept = [number for number, keys in enumerate(needed) if keys.isdisjoint(failed)]
+        return dataclasses.replace(
+            self, runs=tuple(self.runs[r] for r in kept), views=tuple(self.views[r] for r in kept)
+        )
 
 
 @dataclass(frozen=True)

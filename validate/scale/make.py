@@ -79,23 +79,28 @@ def hand_out(
     def fail(job: Job, cause: str) -> None:
         failed = [job] if job.camera else handout.light_has_failed(job)
         for view in failed:
-            acquired.failed[view.view] = cause if job.camera else f"the scene's light cannot be solved: {cause}"
-            for _ in jobs[view.view][1]:
-                progress.advance("failed")
+            why = cause if job.camera else f"the scene's light cannot be solved: {cause}"
+            acquired.failed[view.view] = why
+            for item in jobs[view.view][1]:
+                progress.failed(item.request, why)
 
     def take_in(job: Job, made: Made) -> None:
+        if made.light_s is not None:
+            progress.light_solved(job.state, made.light_s)
         if job.camera is None:
             handout.light_is_there(job)
             return
+        items = jobs[job.view][1]
         if made.certificate is not None:
             acquired.certificates[job.view] = made.certificate
         if made.render_s is not None:
             acquired.render_seconds[job.view] = made.render_s
             acquired.rendered += 1
-        for item, measured in zip(jobs[job.view][1], made.measured, strict=True):
-            if measured:
+            progress.rendered(items[0].request, made.render_s)
+        for item, measured_s in zip(items, made.measured_s, strict=True):
+            if measured_s is not None:
                 acquired.measured_items.add(item)
-            progress.advance(f"measured camera {job.camera.name}")
+            progress.measured(item.request, measured_s)
 
     while handout or workers.busy():
         raise_if_interrupted()

@@ -83,14 +83,16 @@ class Made:
         failed: why nothing did; "" where all went well.
         certificate: of the view.
         render_s: s; None where the view was in the store.
-        measured: which measurings were made now.
+        measured_s: s, of each measuring; None where it was in the store.
+        light_s: s; None where the light was in the store, or not needed.
         lacks_state: the worker has to be sent the scene state.
     """
 
     failed: str = ""
     certificate: Certificate | None = None
     render_s: float | None = None
-    measured: tuple[bool, ...] = ()
+    measured_s: tuple[float | None, ...] = ()
+    light_s: float | None = None
     lacks_state: bool = False
 
 
@@ -138,8 +140,9 @@ def _work(job: Job, pickled: bytes | None) -> Made:
     if state_key(state) != job.state:
         raise RuntimeError(f"this worker's project names the scene state {state_key(state)}, the run's {job.state}")
     if job.camera is None:
-        baked(state, store, chosen)
-        return Made()
+        solved: list[float] = []
+        baked(state, store, chosen, lambda key, took_s: solved.append(took_s))
+        return Made(light_s=solved[0] if solved else None)
     if job.sensor is None or job.sampling is None:
         raise ValueError(f"view {job.view} has no sensor or no sampling; allowed: both")
     request = ViewRequest(state, job.camera, job.sensor, job.sampling, chosen.identity)
@@ -153,12 +156,12 @@ def _view(request: ViewRequest, measurings: tuple[Measuring, ...], store: Store,
     if certificate is None:
         certificate, render_s = _render(request, store, chosen)
     try:
-        measured = _measured(request, measurings, store)
+        measured_s = _measured(request, measurings, store)
     except DamagedViewError:
         # An image that its sum called whole, and whose bytes are not: rendered again, once.
         certificate, render_s = _render(request, store, chosen)
-        measured = _measured(request, measurings, store)
-    return Made("", certificate, render_s, measured)
+        measured_s = _measured(request, measurings, store)
+    return Made("", certificate, render_s, measured_s)
 
 
 def _render(request: ViewRequest, store: Store, chosen: backend.Backend) -> tuple[Certificate, float]:
@@ -172,22 +175,25 @@ def _render(request: ViewRequest, store: Store, chosen: backend.Backend) -> tupl
         except Exception as error:
             raise LightError(f"the scene's light cannot be solved: {said(error)}") from error
         _Kept.renderer = key, Renderer(request.state, meshes, chosen)
+    after_light = time.perf_counter()
     view = _Kept.renderer[1].render(request)
-    save_view(store, view, request)
+    save_view(store, view, request, time.perf_counter() - after_light)
     return view.certificate, time.perf_counter() - begin
 
 
-def _measured(request: ViewRequest, measurings: tuple[Measuring, ...], store: Store) -> tuple[bool, ...]:
-    """Measure a stored view in each way that is not stored yet; which of them were made now."""
-    made = []
+def _measured(request: ViewRequest, measurings: tuple[Measuring, ...], store: Store) -> tuple[float | None, ...]:
+    """Measure a stored view in each way that is not stored yet; the seconds of those that were made now."""
+    made: list[float | None] = []
     for measuring in measurings:
         task = Acquisition(request, measuring.seed, measuring.trials, measuring.search).task(store)
         if task.path.name != measuring.file:
             raise RuntimeError(f"this worker's project measures {task.path.name}, the run's {measuring.file}")
-        missing = not store.fetch(task.path) or load_measurement(task) is None
-        if missing:
-            store.push(measure(task))
-        made.append(missing)
+        if store.fetch(task.path) and load_measurement(task) is not None:
+            made.append(None)
+            continue
+        begin = time.perf_counter()
+        store.push(measure(task))
+        made.append(time.perf_counter() - begin)
     return tuple(made)
 
 
