@@ -133,11 +133,12 @@ def announce(
     rates = f"as {said.asked} past views of this store" if said.asked else "at the rates of two cores (docs/runs.md)"
     here = "" if address == str(store.folder) else f", on this machine {store.folder}"
     library = f", {chosen.libllvm}" if chosen.libllvm else ""
+    to_render = f"{said.to_render} to render ({said.rendered} stored)"
     to_measure = f"{said.to_measure} to measure ({said.measured} stored)"
     to_light = f"light of {said.to_light} scene states to solve"
     lines = [
         *counts,
-        f"{said.views} views: {said.to_render} to render ({said.rendered} stored), {to_measure}; {to_light}",
+        f"{said.views} views: {to_render}, {to_measure}; {to_light}",
         f"about {clock(said.seconds)} and {_megabytes(said.needed_bytes)}, {rates}"
         if said.seconds
         else "nothing to do",
