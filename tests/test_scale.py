@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 import pytest
+from rich.console import Console
 
 import validate.scale.workers as dask_workers
 from pss import MissingLibraryError, PSSError, RangeError
@@ -22,10 +23,11 @@ from render import backend
 from render.sampling import Sampling
 from render.view import Certificate, state_key
 from scenes import load_scene
-from tests.test_store_views import MARKER, REQUEST, NoProgress
+from tests.test_store_views import MARKER, REQUEST
 from tests.test_sweep_run import ALONE, DETERMINED, SCENE, SELECTION, SWEEP, command, run
 from validate.acquire import acquire, baked
 from validate.acquisition import Acquired, Acquisition, views_of
+from validate.progress import ViewProgress
 from validate.run_sweep import main
 from validate.scale import options
 from validate.scale.checks import WorkerReport, misfit, report
@@ -56,15 +58,16 @@ def some_views(states=2, views=3, trials=(2,)):
     return found
 
 
-class Heard(NoProgress):
+class Heard(ViewProgress):
     """Keeps what it is told."""
 
     def __init__(self, total):
-        super().__init__(total)
+        super().__init__(total, Console(quiet=True))
         self.advanced, self.notes = [], []
 
     def advance(self, what):
         """One more."""
+        super().advance(what)
         self.advanced.append(what)
 
     def note(self, what):
