@@ -68,7 +68,7 @@ def test_a_schedule_leaves_out_the_runs_that_need_a_failed_view(tmp_path, monkey
         designs.append(design_of(*arguments))
         return designs[-1]
 
-    def acquire(wanted, store, chosen, report):
+    def acquire(wanted, store, chosen, report, scale):
         (design,) = designs
         free, held_back = ({item.request.key for views in of_run for item in views} for of_run in design.views)
         chosen_keys = {"none": set(), "of one run": held_back - free, "of every run": held_back & free}[which]
