@@ -19,8 +19,8 @@ from validate.hallway import command
 from validate.run_report import RunReport
 
 CAUSE = "ValueError: made to fail"
-# One strategy under two limits, and few steps: what is asked is which runs are left.
-FEW = ("sweep.walk.steps=5", 'sweep.strategies=["follow"]', 'sweep.zoom_limits=["none", 2.0]', "sweep.trials=4")
+# One strategy under two limits, few steps, and the trials that are drawn: what is asked is which runs are left.
+FEW = ("sweep.walk.steps=3", 'sweep.strategies=["follow"]', 'sweep.zoom_limits=["none", 2.0]', "sweep.trials=12")
 
 
 def test_a_bank_leaves_the_failed_view_out_with_both_its_renders(monkeypatch, capsys):
@@ -59,6 +59,7 @@ def _acquired(wanted, failed):
     return found
 
 
+@pytest.mark.acceptance
 @pytest.mark.parametrize("which", ["none", "of one run", "of every run"])
 def test_a_schedule_leaves_out_the_runs_that_need_a_failed_view(tmp_path, monkeypatch, capsys, which):
     """The other run's tables are there, and the exit code tells; a view that all need leaves none, and that is said."""
