@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 import pytest
+from dask.system import CPU_COUNT
 from rich.console import Console
 
 import validate.scale.workers as dask_workers
@@ -341,6 +342,12 @@ def deadly_call(job, state):
     return well("", job)
 
 
+def _ignores_interrupts():
+    """Of a worker: whether Ctrl-C does nothing, and was held back before anything was imported."""
+    blocked = signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, [])
+    return blocked and signal.getsignal(signal.SIGINT) == signal.SIG_IGN
+
+
 def children(process):
     """Processes of Dask below one; those that only watch over shared memory end with it by themselves."""
     with contextlib.suppress(psutil.NoSuchProcess):
@@ -364,9 +371,11 @@ def test_processes_that_die_are_started_again_and_none_is_left(monkeypatch, tmp_
     acquired, heard = Acquired(), Heard(len(wanted))
     before = {each.pid for each in children(os.getpid())}
     with workers_of(Scale(workers=2)) as workers:
-        assert workers.cores == max(1, len(os.sched_getaffinity(0)) // 2)
+        assert workers.cores == max(1, CPU_COUNT // 2)
         started = {each.pid for each in children(os.getpid())} - before
         assert len(started) == 2
+        (held,) = set(workers.client.run(_ignores_interrupts).values())
+        assert held
         hand_out(wanted, PLACE, workers, Store(tmp_path), heard, acquired)
     assert acquired.failed == {wanted[1].request.key: "3 workers died while they made it"}
     assert acquired.measured_items == {item for item in wanted if item.request.camera.name != "0-2"}

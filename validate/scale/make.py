@@ -38,6 +38,9 @@ def make_on_workers(
         ScaleError: the workers cannot be used, or cannot be reached any more.
     """
     progress.note("starting workers")
+    if scale.workers is not None:
+        # No more than can have a view; the fewer there are, the more cores each has.
+        scale = Scale(workers=min(scale.workers, len({item.request.key for item in todo})))
     with workers_of(scale) as workers:
         check_workers(workers, store, chosen)
         place = Place(store_name(store), chosen.variant, chosen.identity, workers.cores)

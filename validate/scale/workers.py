@@ -17,11 +17,12 @@ import uuid
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from multiprocessing import resource_tracker
 from typing import Any
 
 import dask
 from dask.system import CPU_COUNT
-from distributed import Client, Future, LocalCluster, Nanny, Worker, WorkerPlugin
+from distributed import CancelledError, Client, Future, KilledWorker, LocalCluster, Nanny, Worker, WorkerPlugin
 
 from pss import PSSError
 from validate.interruption import interrupts_held, raise_if_interrupted
@@ -149,17 +150,18 @@ class Workers:
         try:
             result: Made = future.result(timeout=SECONDS_FOR_RESULT)
             return result
-        except (TimeoutError, dask.distributed.CancelledError, dask.distributed.KilledWorker):
+        except (TimeoutError, CancelledError, KilledWorker):
             return WorkerGoneError(address)
         except Exception as error:
             return error
 
 
 class _EndCleanly(WorkerPlugin):
-    """A local worker that is told to stop leaves no half-written file."""
+    """A local worker that is told to stop leaves no half-written file; Ctrl-C is the parent's business alone."""
 
     def setup(self, worker: Worker) -> None:
         """Called in the main thread of the worker's process."""
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
         signal.signal(signal.SIGTERM, end_worker)
 
 
@@ -174,8 +176,22 @@ def workers_of(scale: Scale) -> Iterator[Workers]:
         # A scene of meshes is large, and goes to each worker once; what differs between versions is asked for in
         # `validate.scale.checks`, and said in one line.
         warnings.filterwarnings("ignore", module="distributed")
-        with _here(scale.workers) if scale.workers else _at(str(scale.cluster)) as workers:
+        with _silent(), _here(scale.workers) if scale.workers else _at(str(scale.cluster)) as workers:
             yield workers
+
+
+@contextmanager
+def _silent() -> Iterator[None]:
+    """Nothing of Dask's own: what goes wrong is said here, in one line."""
+    loggers = [logging.getLogger(name) for name in ("distributed", "distributed.client", "distributed.scheduler")]
+    before = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loggers, before, strict=True):
+            logger.setLevel(level)
 
 
 @contextmanager
@@ -186,7 +202,9 @@ def _here(number: int) -> Iterator[Workers]:
         "distributed.worker.multiprocessing-method": "spawn",  # a fork of a process with Dr.Jit's threads hangs
     }
     with dask.config.set(nanny):
-        # Ctrl-C is the parent's business alone: threads and processes that are started now never see it.
+        # Started by another thread, it would leave that thread open to signals again.
+        resource_tracker.ensure_running()
+        # Threads and processes that are started now never see Ctrl-C, not even while they start.
         with interrupts_held():
             try:
                 cluster = LocalCluster(
