@@ -22,9 +22,11 @@ from validate.acquisition import Acquired, Acquisition, LightError, by_state, sa
 from validate.interruption import raise_if_interrupted
 from validate.measure import load_measurement, measure
 from validate.progress import ViewProgress
+from validate.reservations import in_turn
 from validate.scale.options import HERE, Scale
 from validate.store import Store, StoreError
 from validate.stored_views import DamagedViewError, certificate_of, save_view
+from validate.whole_files import remove_abandoned
 from validate.worker_queue import WorkerQueue
 
 __all__ = ["Acquired", "Acquisition", "LightError", "acquire", "baked", "views_of", "with_whole_views"]
@@ -53,6 +55,7 @@ def acquire(
         StoreError: the disk is full, or something is missing from a store that cannot be written.
         ScaleError: the workers cannot be used, or cannot be reached any more.
     """
+    remove_abandoned(store.folder.glob("**/"))
     unique = list(dict.fromkeys(wanted))
     acquired = Acquired()
     todo = [item for item in unique if not (_certified(item, store, acquired) and _loaded(item, store, acquired))]
@@ -181,7 +184,7 @@ def _render_all(
     """Render what has no certificate, and have all of it measured."""
     renderers: dict[str, Renderer] = {}
     unlit: dict[str, str] = {}
-    for item in by_state(todo):
+    for item in in_turn(by_state(todo), lambda item: item.request.key, store.folder):
         raise_if_interrupted()
         request = item.request
         state = state_key(request.state)
@@ -213,6 +216,9 @@ def _render_all(
             acquired.certificates[request.key] = view.certificate
             acquired.rendered += 1
             progress.rendered(request, acquired.render_seconds[request.key])
+        elif _loaded(item, store, acquired):  # another run made it meanwhile
+            progress.measured(request, None)
+            continue
         queue.submit(item, measure, item.task(store))
     queue.drain(raise_if_interrupted)
     raise_if_interrupted()

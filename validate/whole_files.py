@@ -2,6 +2,9 @@
 
 The rename is what others see. It comes after the file's bytes have reached the disk, and the folder is flushed after
 it, so that not even a power cut leaves half a file under its own name.
+
+A process that is killed leaves its temporary file. The next run removes it: the writer holds a lock on it for as long
+as it lives, so that one without a lock, and not quite new, is nobody's.
 """
 
 from __future__ import annotations
@@ -11,18 +14,42 @@ import errno
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 from pss import PSSError
 
-__all__ = ["FULL", "StoreError", "atomic_path", "discard_unfinished", "disk_full", "flush", "free_bytes", "write_text"]
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
+
+__all__ = [
+    "FULL",
+    "StoreError",
+    "atomic_path",
+    "discard_unfinished",
+    "disk_full",
+    "flush",
+    "free_bytes",
+    "remove_abandoned",
+    "write_text",
+]
 
 # What systems say when no more fits: on the disk, or in the user's share of it.
 FULL = {errno.ENOSPC, *({errno.EDQUOT} if hasattr(errno, "EDQUOT") else ())}
 
+# Temporary files begin so, and no file of a user's does.
+UNFINISHED = ".unfinished-"
+# s: a temporary file without a lock that is so much older (or younger: a clock was set) than now is nobody's. One that
+# was made this moment may be about to be locked, and network drives whose locks do not reach other machines have time.
+ABANDONED_S = 60.0
+
 # Temporary files that this process is writing, for whoever must stop it in the middle.
 _unfinished: set[Path] = set()
+# Folders that this process has looked through for those that others left.
+_tidied: set[Path] = set()
 
 
 class StoreError(PSSError, OSError):
@@ -44,14 +71,19 @@ def atomic_path(
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=path.suffix)
+        if path.parent not in _tidied:
+            _tidied.add(path.parent)
+            remove_abandoned([path.parent, *path.parent.glob("*/")])
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=UNFINISHED, suffix=path.suffix)
     except OSError as error:
         if error.errno in FULL:
             raise disk_full(path, _said(needed_bytes)) from error
         raise StoreError(f"{path.parent}: {error.strerror}; allowed is a folder that can be written") from error
-    os.close(handle)
     temporary = Path(name)
     _unfinished.add(temporary)
+    if not _locked(handle):
+        os.close(handle)
+        handle = -1
     try:
         yield temporary
         os.chmod(temporary, 0o644)
@@ -66,6 +98,8 @@ def atomic_path(
             raise disk_full(path, _said(needed_bytes, written), written) from error
         raise
     finally:
+        if handle >= 0:
+            os.close(handle)
         temporary.unlink(missing_ok=True)
         _unfinished.discard(temporary)
 
@@ -94,6 +128,33 @@ def discard_unfinished() -> None:
     """Remove the files that this process has begun and not finished, before it ends without unwinding."""
     for temporary in list(_unfinished):
         temporary.unlink(missing_ok=True)
+
+
+def remove_abandoned(folders: Iterable[Path]) -> None:
+    """Remove temporary files of processes that were killed from folders, but not from those below them."""
+    if fcntl is None:
+        return  # without locks, `run_sweep.py store prune` removes those that are a day old
+    for path in (path for folder in folders for path in folder.glob(f"{UNFINISHED}*")):
+        with contextlib.suppress(OSError):  # its writer, or another process that tidies, was faster
+            if abs(time.time() - path.stat().st_mtime) < ABANDONED_S:
+                continue
+            handle = os.open(path, os.O_RDWR)
+            try:
+                if _locked(handle):
+                    path.unlink()
+            finally:
+                os.close(handle)
+
+
+def _locked(handle: int) -> bool:
+    """Lock an open file until it is closed or this process ends; False where another has it, or there are no locks."""
+    if fcntl is None:
+        return False
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    return True
 
 
 def flush(path: Path) -> None:
