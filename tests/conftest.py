@@ -46,3 +46,12 @@ def room_renderer(room, room_store, mi):
     from validate.acquire import baked
 
     return Renderer(room.state, baked(room.state, room_store), backend.choose())
+
+
+@pytest.fixture(scope="session")
+def runs():
+    """A process that starts runs whose views are drawn instead of rendered."""
+    from tests.drawn_sweep import Runs
+
+    with Runs() as runs:
+        yield runs

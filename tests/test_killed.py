@@ -14,7 +14,6 @@ import time
 import numpy as np
 import pytest
 
-from tests.drawn_sweep import Runs
 from tests.test_sweep_run import ALONE, DETERMINED, SCENE
 from validate.store import Store
 from validate.store_upkeep import check, stored_files
@@ -86,13 +85,6 @@ def check_resumed(runs, folder, expected, workers):
     assert "set aside" not in said
     assert tables(folder / "out") == expected
     assert not temporary_files(folder)
-
-
-@pytest.fixture(scope="module")
-def runs():
-    """A process that starts runs."""
-    with Runs() as runs:
-        yield runs
 
 
 def test_a_run_that_is_killed_again_and_again_goes_on_to_the_same_tables(runs, tmp_path):

@@ -23,10 +23,10 @@ VIEWS = 7
 
 
 @pytest.fixture(scope="module")
-def servers():
+def servers(runs):
     """Two processes that start runs."""
-    with Runs() as one, Runs() as other:
-        yield one, other
+    with Runs() as other:
+        yield runs, other
 
 
 @pytest.mark.parametrize("killed", [False, True], ids=["both end", "one is killed"])
