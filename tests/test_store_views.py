@@ -26,6 +26,7 @@ from render.view import random_stream, state_key
 from tests.views import an_awkward_view
 from validate.acquire import Acquisition, acquire, with_whole_views
 from validate.progress import ViewProgress
+from validate.reservations import RESERVATIONS
 from validate.store import Store, StoreError
 from validate.stored_views import DamagedViewError, certificate_of, load_view, save_view, stored_view
 from validate.worker_queue import WorkerQueue
@@ -121,8 +122,9 @@ def damaged(data, way):
 
 
 def stored(folder):
-    """All files of a store but those set aside."""
-    return sorted(path for path in folder.rglob("*") if path.is_file() and "damaged" not in path.parts)
+    """All files of a store but those set aside, and the one that is always empty."""
+    files = (path for path in folder.rglob("*") if path.is_file() and "damaged" not in path.parts)
+    return sorted(path for path in files if path.name != RESERVATIONS)
 
 
 @pytest.mark.parametrize("way", WAYS)

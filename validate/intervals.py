@@ -39,6 +39,8 @@ LEVEL = 0.95
 # Sums of the same terms in another order differ by roundings; such values must stay tied (a count of visible points has
 # many ties). Relative, far above the rounding of a sum of a few hundred terms.
 TIED = 1e-12
+# Replicates × configurations that are ranked in one go: half a dozen arrays of them, 60 MB.
+MOST_TOGETHER = 10**6
 # Spread of a view's or point's weight about 1 in a crossed resample. At 1 (the exponential) the product over four views
 # leaves a fifteenth of the configurations' worth, and the interval is wide and pulled down; with a smaller spread the
 # statistic stays linear in the weights, and its deviations are scaled back by 1 / CROSSED_SPREAD.
@@ -289,8 +291,19 @@ def crossed_spearman(
     shape = CROSSED_SPREAD**-2
     view_weights = rng.gamma(shape, 1 / shape, size=(replicates, len(names)))
     point_weights = rng.gamma(shape, 1 / shape, size=(replicates, metric.shape[1]))
-    weights = view_weights[:, views].prod(axis=-1)
-    samples = weighted_spearman(point_weights @ metric.T, point_weights @ measured.T, weights)
+    together = max(1, MOST_TOGETHER // len(metric))
+    samples = np.concatenate(
+        [
+            np.atleast_1d(
+                weighted_spearman(
+                    point_weights[part] @ metric.T,
+                    point_weights[part] @ measured.T,
+                    view_weights[part][:, views].prod(axis=-1),
+                )
+            )
+            for part in (slice(start, start + together) for start in range(0, replicates, together))
+        ]
+    )
     low, high = interval((samples - samples.mean()) / CROSSED_SPREAD + estimate, level)
     return estimate, float(np.clip(low, -1.0, 1.0)), float(np.clip(high, -1.0, 1.0))
 

@@ -152,7 +152,7 @@ def _sandwich_medians(
 def blunder_row(verdict: CountVerdict) -> Row:
     """Detections that triangulation threw out by their reprojection χ², which needs no truth, and those it kept."""
     rejected = sum(found.rejected for found in verdict.measured)
-    kept = sum(int(found.used.sum()) for found in verdict.measured)
+    kept = sum(found.kept for found in verdict.measured)
     return {
         "cameras": verdict.cameras,
         "detections_kept": kept,

@@ -68,13 +68,12 @@ class BankData:
 class ConfigurationErrors:
     """Measured errors of one configuration.
 
-    Of the filter, where it was run: m², second moments (N, 3, 3), and m, errors in the last frame of each run
-    (runs, N, 3), before and after the update.
+    `kept` and `rejected` count detections. Of the filter, where it was run: m², second moments (N, 3, 3), and m, errors
+    in the last frame of each run (runs, N, 3), before and after the update.
     """
 
     errors: MeasuredErrors
-    linear: MeasuredErrors
-    used: NDArray[np.bool_]
+    kept: int
     rejected: int
     prior_moment_m2: Floats | None = None
     posterior_moment_m2: Floats | None = None
@@ -114,8 +113,7 @@ def _measure(data: BankData, views: Views, filtered: bool) -> ConfigurationError
     found = triangulate(cameras, data.pixels[chosen], data.covariance[chosen])
     result = ConfigurationErrors(
         MeasuredErrors(found.points_m - data.points_m),
-        MeasuredErrors(found.linear_m - data.points_m),
-        found.used,
+        int(found.used.sum()),
         int(found.rejected.sum()),
     )
     if not filtered:
