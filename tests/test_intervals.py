@@ -7,6 +7,7 @@ import pytest
 import scipy.stats
 
 from pss.errors import RangeError, ShapeError
+from validate import intervals
 from validate.errors3d import MeasuredErrors
 from validate.intervals import (
     _largest_eigenvalue,
@@ -323,3 +324,15 @@ def test_regret_degenerate_inputs():
     assert math.isnan(oracle_regret(np.zeros(3), HALF_B))
     with pytest.raises(ShapeError, match=r"\(2,\)"):
         regret([1, 2], HALF_A, HALF_B)
+
+
+def test_ranking_replicates_in_parts_changes_nothing(monkeypatch):
+    """Many configurations are ranked a part of the replicates at a time: the same numbers, whatever the parts."""
+    rng = np.random.default_rng(8)
+    metric, measured = rng.random((2, 40, 6))
+    views = rng.integers(0, 12, (40, 3))
+    whole = crossed_spearman(metric, metric + measured, views, np.random.default_rng(3))
+    for together in (1, 40 * 7, 40 * 499):
+        monkeypatch.setattr(intervals, "MOST_TOGETHER", together)
+        parts = crossed_spearman(metric, metric + measured, views, np.random.default_rng(3))
+        np.testing.assert_allclose(parts, whole, rtol=SAME_TO_ROUNDING)
