@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import combinations
 
 import cv2
@@ -17,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pss.camera import PTZCamera
 from pss.errors import RangeError, ShapeError
+from pss.views import Cameras, Views
 
 __all__ = ["Triangulated", "detection_weights", "triangulate"]
 
@@ -148,14 +150,21 @@ def detection_weights(cameras: Sequence[PTZCamera], pixels: ArrayLike, covarianc
     if not definite.all():
         first = tuple(int(i) for i in np.argwhere(~definite)[0])
         raise RangeError(f"covariance{list(first)} = {noise[first].tolist()}; allowed: positive definite px²")
-    return detected, np.linalg.inv(noise) * detected[..., None, None]
+    weight = np.zeros_like(noise)
+    weight[detected] = np.linalg.inv(noise[detected])
+    return detected, weight
 
 
 def _largest_chi2(used: Bools) -> Floats:
     """Reprojection χ² that a point may have with the views `used` (C, S); (S,). 2 pixels a view less 3 coordinates."""
-    views = np.arange(len(used) + 1)
-    limits = BLUNDER_INFLATION * scipy.stats.chi2.isf(BLUNDER_TAIL, np.maximum(2 * views - 3, 1))
-    return np.asarray(limits[used.sum(axis=0)])
+    return _chi2_limits(len(used))[used.sum(axis=0)]
+
+
+@cache
+def _chi2_limits(most: int) -> Floats:
+    """By the number of views, from 0 to `most`."""
+    views = np.arange(most + 1)
+    return np.asarray(BLUNDER_INFLATION * scipy.stats.chi2.isf(BLUNDER_TAIL, np.maximum(2 * views - 3, 1)))
 
 
 class _Bundle:
@@ -168,6 +177,8 @@ class _Bundle:
     def __init__(self, cameras: Sequence[PTZCamera], pixels: Floats, weight: Floats) -> None:
         self.cameras, self.pixels, self.weight = cameras, pixels, weight
         self.projection = [camera.projection_matrix for camera in cameras]
+        # Made once: the search asks for projections ten times.
+        self.arrays = [Cameras([camera]) for camera in cameras]
         # The linear start and the angles between rays are those of lenses without distortion.
         self.straight = np.stack([camera.undistorted_px(of) for camera, of in zip(cameras, pixels, strict=True)])
         homogeneous = np.concatenate([self.straight, np.ones_like(pixels[..., :1])], axis=-1)
@@ -234,13 +245,16 @@ class _Bundle:
     def normal_equations(self, points: Floats, item: Ints, used: Bools) -> tuple[Floats, Floats, Floats]:
         """χ² (S,), 1/m² Σ HᵀR⁻¹H (S, 3, 3), and 1/m Σ HᵀR⁻¹(pixel − projection) (S, 3), at `points` (S, 3)."""
         chi2, information, gradient = np.zeros(len(item)), np.zeros((len(item), 3, 3)), np.zeros((len(item), 3))
-        for camera, pixels, weight, sees in zip(self.cameras, self.pixels, self.weight, used, strict=True):
+        for camera, pixels, weight, sees in zip(self.arrays, self.pixels, self.weight, used, strict=True):
             rows = np.flatnonzero(sees)
-            in_front = _in_front(camera, points[rows])
-            chi2[rows[~in_front]] += OUT_OF_SIGHT_CHI2
-            rows = rows[in_front]
-            jacobian, inverse = camera.jacobian(points[rows]), weight[item[rows]]  # (S', 2, 3) and (S', 2, 2)
-            residual = (pixels[item[rows]] - camera.project(points[rows])[0])[..., None]
+            views = Views(camera, points[rows])
+            in_front = _in_front(views)
+            if not in_front.all():
+                chi2[rows[~in_front]] += OUT_OF_SIGHT_CHI2
+                rows = rows[in_front]
+                views = Views(camera, points[rows])
+            jacobian, inverse = views.jacobian[0], weight[item[rows]]  # (S', 2, 3) and (S', 2, 2)
+            residual = (pixels[item[rows]] - views.pixels[0])[..., None]
             weighted = inverse @ residual
             chi2[rows] += (residual * weighted).sum(axis=(-2, -1))
             information[rows] += jacobian.mT @ (inverse @ jacobian)
@@ -256,11 +270,12 @@ class _Bundle:
         points = self.linear(item, used)
         sound = np.isfinite(points).all(axis=-1)
         points[~sound] = fallback[~sound]
-        for camera, sees in zip(self.cameras, used, strict=True):
-            sound &= ~sees | _in_front(camera, points)
+        for camera, sees in zip(self.arrays, used, strict=True):
+            sound &= ~sees | _in_front(Views(camera, points))
         return np.where(sound[:, None], points, fallback)
 
 
-def _in_front(camera: PTZCamera, points: Floats) -> Bools:
-    depth = camera.to_camera_frame(points)[:, 2]
+def _in_front(views: Views) -> Bools:
+    """Of one camera's points, which may be what it saw, (S,)."""
+    depth = views.depth_m[0]
     return np.asarray((depth > NEAREST_M) & (depth < FARTHEST_M))
