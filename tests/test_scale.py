@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import json
 import os
 import pickle
 import signal
@@ -523,23 +524,26 @@ def whole_views_of(store):
     return [path for path in (store / "views").rglob("*.exr") if not path.name.startswith(".")]
 
 
+@contextlib.contextmanager
+def cluster_on_loopback(folder, number):
+    """A scheduler and its workers, each a process group of its own; with the scheduler's address."""
+    dask = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"]
+    file = folder / f"scheduler-{number}.json"
+    os.environ["PYTHONPATH"] = str(Path(__file__).parents[1])
+    with contextlib.ExitStack() as stack:
+        scheduler = stack.enter_context(running(folder, *dask, "--no-dashboard", "--scheduler-file", str(file)))
+        wait_until(file.exists, scheduler)
+        worker = [sys.executable, "-m", "distributed.cli.dask_worker", "--scheduler-file", str(file)]
+        worker += ["--host", "127.0.0.1", "--nthreads", "1", "--no-dashboard", "--resources", "cores=1"]
+        workers = [stack.enter_context(running(folder, *worker)) for _ in range(number)]
+        yield json.loads(file.read_text())["address"], scheduler, workers
+
+
 @acceptance
 @pytest.mark.render
 def test_a_scheduler_that_runs_already_gives_the_same_tables(closet):
     """A scheduler and two workers on loopback; one of them is killed during the run, and its nanny starts another."""
-    dask = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"]
-    with contextlib.ExitStack() as stack:
-        file = closet / "scheduler.json"
-        environment = {"PYTHONPATH": str(Path(__file__).parents[1])}
-        os.environ.update(environment)
-        scheduler = stack.enter_context(running(closet, *dask, "--no-dashboard", "--scheduler-file", str(file)))
-        wait_until(file.exists, scheduler)
-        worker = [sys.executable, "-m", "distributed.cli.dask_worker", "--scheduler-file", str(file)]
-        worker += ["--host", "127.0.0.1", "--nthreads", "1", "--no-dashboard", "--resources", "cores=1"]
-        workers = [stack.enter_context(running(closet, *worker)) for _ in range(2)]
-        import json
-
-        address = json.loads(file.read_text())["address"]
+    with cluster_on_loopback(closet, 2) as (address, scheduler, workers):
         with running(closet, *scaled(closet, "cluster", "--cluster", address)) as process:
             wait_until(lambda: whole_views_of(closet / "store-cluster"), process)
             victim = wait_until(lambda: children(workers[0].pid), process)[0]
@@ -549,3 +553,24 @@ def test_a_scheduler_that_runs_already_gives_the_same_tables(closet):
         assert "8 views (" in output
         assert all(each.poll() is None for each in [scheduler, *workers])
     same_tables(closet, "out-cluster")
+
+
+@acceptance
+@pytest.mark.render
+def test_a_scheduler_that_goes_away_ends_the_run_in_one_line(closet):
+    """What is made so far is stored, and a run in one process goes on from there."""
+    with (
+        cluster_on_loopback(closet, 1) as (address, scheduler, _),
+        running(closet, *scaled(closet, "alone", "--cluster", address)) as process,
+    ):
+        wait_until(lambda: whole_views_of(closet / "store-alone"), process)
+        os.killpg(scheduler.pid, signal.SIGKILL)
+        _, errors = process.communicate(timeout=SECONDS_AT_MOST)
+    assert process.returncode == 2, errors
+    assert "Traceback" not in errors
+    assert "does not answer any more; what is made so far is stored" in errors.splitlines()[-1]
+    with running(closet, *scaled(closet, "alone")) as process:
+        output, errors = process.communicate(timeout=SECONDS_AT_MOST)
+    assert process.returncode == 0, errors
+    assert "(8 rendered" not in output
+    same_tables(closet, "out-alone")

@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass
-from multiprocessing import get_context
+from multiprocessing import get_context, resource_tracker
 from pathlib import Path
 from typing import TypeVar
 
@@ -170,6 +170,8 @@ class WorkerPool(ProcessPoolExecutor):
             os.environ.setdefault(name, "1")
         # "spawn", because a fork of a process with Dr.Jit's threads hangs.
         super().__init__(workers, mp_context=get_context("spawn"), initializer=_start_worker)
+        # Started while Ctrl-C is held back, it would let it through again, to the worker that it is started for.
+        resource_tracker.ensure_running()
 
     def submit(self, function: Callable[..., T], /, *args: object, **kwargs: object) -> Future[T]:
         """Submit a call. A worker started for it inherits the blocked interrupt, so that not even its start is cut."""
