@@ -70,7 +70,9 @@ class Triangulated:
     used: Bools
 
 
-def triangulate(cameras: Sequence[PTZCamera], pixels: ArrayLike, covariance: ArrayLike) -> Triangulated:
+def triangulate(
+    cameras: Sequence[PTZCamera], pixels: ArrayLike, covariance: ArrayLike, *, linear: bool = True
+) -> Triangulated:
     """Triangulate every point of every trial from the views that detected it.
 
     A point whose reprojection χ² has a tail below `BLUNDER_TAIL` (χ² first divided by `BLUNDER_INFLATION`) loses the
@@ -81,6 +83,7 @@ def triangulate(cameras: Sequence[PTZCamera], pixels: ArrayLike, covariance: Arr
         cameras: the C views.
         pixels: px, (C, T, N, 2), nan where a marker was not detected.
         covariance: px², (C, T, N, 2, 2), of each detection, from its own image; anything where not detected.
+        linear: whether `linear_m` is asked for; it is nan if not.
 
     Raises:
         ShapeError: the arrays do not fit each other or the cameras.
@@ -118,14 +121,15 @@ def triangulate(cameras: Sequence[PTZCamera], pixels: ArrayLike, covariance: Arr
     known[item] = True
     used &= known
     estimate[~known] = np.nan
-    covariance_m2, linear = np.full((*estimate.shape, 3), np.nan), np.full_like(estimate, np.nan)
+    covariance_m2, linear_m = np.full((*estimate.shape, 3), np.nan), np.full_like(estimate, np.nan)
     covariance_m2[item] = np.linalg.inv(information)
-    linear[item] = bundle.linear(item, used[:, item])
+    if linear:
+        linear_m[item] = bundle.linear(item, used[:, item])
     shape = (trials, points)
     return Triangulated(
         points_m=estimate.reshape(*shape, 3),
         covariance_m2=covariance_m2.reshape(*shape, 3, 3),
-        linear_m=linear.reshape(*shape, 3),
+        linear_m=linear_m.reshape(*shape, 3),
         views=used.sum(axis=0).reshape(shape),
         rejected=rejected.sum(axis=0).reshape(shape),
         used=used.reshape(views, *shape),

@@ -110,7 +110,7 @@ def _in_worker(job: Views) -> ConfigurationErrors:
 def _measure(data: BankData, views: Views, filtered: bool) -> ConfigurationErrors:
     chosen = list(views)
     cameras = [data.cameras[view] for view in chosen]
-    found = triangulate(cameras, data.pixels[chosen], data.covariance[chosen])
+    found = triangulate(cameras, data.pixels[chosen], data.covariance[chosen], linear=False)
     result = ConfigurationErrors(
         MeasuredErrors(found.points_m - data.points_m),
         int(found.used.sum()),
