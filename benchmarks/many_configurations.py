@@ -39,7 +39,7 @@ VIEWS, TRIALS, CAMERAS, SEED = 100, 20, 4, 1
 # px, per axis: about what the markers of the room's views are localised with.
 SIGMA_PX = 0.015
 # Configurations whose errors are in memory at a time.
-BLOCK = 500
+BLOCK = 2000
 MODEL = "corrected"
 
 

@@ -20,7 +20,7 @@ from pss.camera import PTZCamera
 from pss.errors import RangeError, ShapeError
 from pss.views import Cameras, Views
 
-__all__ = ["Triangulated", "detection_weights", "triangulate"]
+__all__ = ["Triangulated", "detection_weights", "triangulate", "triangulated_points"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -70,9 +70,7 @@ class Triangulated:
     used: Bools
 
 
-def triangulate(
-    cameras: Sequence[PTZCamera], pixels: ArrayLike, covariance: ArrayLike, *, linear: bool = True
-) -> Triangulated:
+def triangulate(cameras: Sequence[PTZCamera], pixels: ArrayLike, covariance: ArrayLike) -> Triangulated:
     """Triangulate every point of every trial from the views that detected it.
 
     A point whose reprojection χ² has a tail below `BLUNDER_TAIL` (χ² first divided by `BLUNDER_INFLATION`) loses the
@@ -83,23 +81,71 @@ def triangulate(
         cameras: the C views.
         pixels: px, (C, T, N, 2), nan where a marker was not detected.
         covariance: px², (C, T, N, 2, 2), of each detection, from its own image; anything where not detected.
-        linear: whether `linear_m` is asked for; it is nan if not.
 
     Raises:
         ShapeError: the arrays do not fit each other or the cameras.
         RangeError: the covariance of a detection is not positive definite.
     """
     detected, weight = detection_weights(cameras, pixels, covariance)
-    views, trials, points = detected.shape
-    measured = np.where(detected[..., None], np.asarray(pixels, dtype=float), np.nan)
+    bundle, found = _located(cameras, np.asarray(pixels, dtype=float), detected, weight)
+    shape = detected.shape[1:]
+    covariance_m2, linear_m = np.full((*found.points_m.shape, 3), np.nan), np.full_like(found.points_m, np.nan)
+    covariance_m2[found.item] = np.linalg.inv(found.information)
+    linear_m[found.item] = bundle.linear(found.item, found.used[:, found.item])
+    return Triangulated(
+        points_m=found.points_m.reshape(*shape, 3),
+        covariance_m2=covariance_m2.reshape(*shape, 3, 3),
+        linear_m=linear_m.reshape(*shape, 3),
+        views=found.used.sum(axis=0).reshape(shape),
+        rejected=found.rejected.sum(axis=0).reshape(shape),
+        used=found.used.reshape(-1, *shape),
+    )
+
+
+def triangulated_points(
+    cameras: Sequence[PTZCamera], pixels: Floats, detected: Bools, weight: Floats
+) -> tuple[Floats, Bools, Ints]:
+    """`points_m`, `used` and `rejected` of `triangulate`, for whoever asks for many configurations of the same views.
+
+    Args:
+        cameras: the C views.
+        pixels: px, (C, T, N, 2).
+        detected, weight: (C, T, N) and (C, T, N, 2, 2), from `detection_weights`; those of a view do not depend on
+            the other views.
+    """
+    _, found = _located(cameras, pixels, detected, weight)
+    shape = detected.shape[1:]
+    return (
+        found.points_m.reshape(*shape, 3),
+        found.used.reshape(-1, *shape),
+        found.rejected.sum(axis=0).reshape(shape),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Located:
+    """M points of all trials: m, (M, 3); which of them are known, and 1/m² their information; views (C, M)."""
+
+    points_m: Floats
+    item: Ints
+    information: Floats
+    used: Bools
+    rejected: Bools
+
+
+def _located(cameras: Sequence[PTZCamera], pixels: Floats, detected: Bools, weight: Floats) -> tuple[_Bundle, _Located]:
+    views = len(detected)
+    measured = np.where(detected[..., None], pixels, np.nan)
     bundle = _Bundle(cameras, measured.reshape(views, -1, 2), weight.reshape(views, -1, 2, 2))
     used = detected.reshape(views, -1).copy()
     rejected = np.zeros_like(used)
     estimate = np.full((used.shape[1], 3), np.nan)
+    known_information = np.zeros((used.shape[1], 3, 3))
 
     item = np.flatnonzero(used.sum(axis=0) >= VIEWS_TO_TRIANGULATE)
-    estimate[item], chi2 = bundle.fit(item, used[:, item])
+    estimate[item], chi2, known_information[item] = bundle.fit(item, used[:, item])
     item = item[chi2 > _largest_chi2(used[:, item])]
+    disputed = item
     while item.size:
         given_up = item[used[:, item].sum(axis=0) <= VIEWS_TO_TRIANGULATE]
         rejected[:, given_up] |= used[:, given_up]
@@ -111,8 +157,10 @@ def triangulate(
         estimate[item] = without
         item = item[chi2 > _largest_chi2(used[:, item])]
 
+    disputed = disputed[used[:, disputed].sum(axis=0) >= VIEWS_TO_TRIANGULATE]
+    _, known_information[disputed], _ = bundle.normal_equations(estimate[disputed], disputed, used[:, disputed])
     item = np.flatnonzero(used.sum(axis=0) >= VIEWS_TO_TRIANGULATE)
-    _, information, _ = bundle.normal_equations(estimate[item], item, used[:, item])
+    information = known_information[item]
     eigenvalues = np.linalg.eigvalsh(information)
     solid = eigenvalues[:, 0] > SMALLEST_INFORMATION_RATIO * eigenvalues[:, -1]
     item, information = item[solid], information[solid]
@@ -121,19 +169,7 @@ def triangulate(
     known[item] = True
     used &= known
     estimate[~known] = np.nan
-    covariance_m2, linear_m = np.full((*estimate.shape, 3), np.nan), np.full_like(estimate, np.nan)
-    covariance_m2[item] = np.linalg.inv(information)
-    if linear:
-        linear_m[item] = bundle.linear(item, used[:, item])
-    shape = (trials, points)
-    return Triangulated(
-        points_m=estimate.reshape(*shape, 3),
-        covariance_m2=covariance_m2.reshape(*shape, 3, 3),
-        linear_m=linear_m.reshape(*shape, 3),
-        views=used.sum(axis=0).reshape(shape),
-        rejected=rejected.sum(axis=0).reshape(shape),
-        used=used.reshape(views, *shape),
-    )
+    return bundle, _Located(estimate, item, information, used, rejected)
 
 
 def detection_weights(cameras: Sequence[PTZCamera], pixels: ArrayLike, covariance: ArrayLike) -> tuple[Bools, Floats]:
@@ -208,8 +244,8 @@ class _Bundle:
                 points[rows] = (np.stack([x, y, z]) / w).T
         return points
 
-    def fit(self, item: Ints, used: Bools) -> tuple[Floats, Floats]:
-        """m, the points of least χ², (S, 3), and that χ², (S,), by Levenberg–Marquardt."""
+    def fit(self, item: Ints, used: Bools) -> tuple[Floats, Floats, Floats]:
+        """By Levenberg–Marquardt: m, the points of least χ², (S, 3); that χ², (S,); 1/m², Σ HᵀR⁻¹H there, (S, 3, 3)."""
         points = self._start(item, used)
         chi2, information, gradient = self.normal_equations(points, item, used)
         damping = np.full(len(item), FIRST_DAMPING)
@@ -230,14 +266,14 @@ class _Bundle:
             information[taken], gradient[taken] = new_information[better], new_gradient[better]
             damping[active] *= np.where(better, DAMPING_DOWN, DAMPING_UP)
             active = active[going]
-        return points, chi2
+        return points, chi2, information
 
     def leave_one_out(self, item: Ints, used: Bools) -> tuple[Ints, Floats, Floats]:
         """The view whose removal leaves the smallest χ², (S,), with the points (S, 3) and χ² (S,) of the others."""
         view, row = np.nonzero(used)
         others = used[:, row]
         others[view, np.arange(len(view))] = False
-        points, chi2 = self.fit(item[row], others)
+        points, chi2, _ = self.fit(item[row], others)
         table = np.full(used.shape, np.inf)
         table[view, row] = chi2
         where = np.zeros(used.shape, dtype=int)

@@ -7,6 +7,7 @@ import os
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from render.view import random_stream
 from validate.bank.workers import workers_context
 from validate.errors3d import MeasuredErrors
 from validate.track import track_static
-from validate.triangulate import triangulate
+from validate.triangulate import detection_weights, triangulated_points
 
 __all__ = ["BankData", "ConfigurationErrors", "measure_all", "residual_moments"]
 
@@ -52,6 +53,11 @@ class BankData:
     def detected(self) -> NDArray[np.bool_]:
         """(V, T, N)."""
         return np.isfinite(self.pixels[..., 0])
+
+    @cached_property
+    def weights(self) -> tuple[NDArray[np.bool_], Floats]:
+        """What each view says in any configuration: which points it detected, and 1/px² R⁻¹ (`detection_weights`)."""
+        return detection_weights(self.cameras, self.pixels, self.covariance)
 
     def residuals(self) -> Floats:
         """px, detection less projection, (V, T, N, 2); nan where not detected."""
@@ -110,16 +116,13 @@ def _in_worker(job: Views) -> ConfigurationErrors:
 def _measure(data: BankData, views: Views, filtered: bool) -> ConfigurationErrors:
     chosen = list(views)
     cameras = [data.cameras[view] for view in chosen]
-    found = triangulate(cameras, data.pixels[chosen], data.covariance[chosen], linear=False)
-    result = ConfigurationErrors(
-        MeasuredErrors(found.points_m - data.points_m),
-        int(found.used.sum()),
-        int(found.rejected.sum()),
-    )
+    detected, weight = data.weights
+    points_m, used, rejected = triangulated_points(cameras, data.pixels[chosen], detected[chosen], weight[chosen])
+    result = ConfigurationErrors(MeasuredErrors(points_m - data.points_m), int(used.sum()), int(rejected.sum()))
     if not filtered:
         return result
-    kept = np.where(found.used[..., None], data.pixels[chosen], np.nan)
-    usable = np.isfinite(found.points_m[..., 0])
+    kept = np.where(used[..., None], data.pixels[chosen], np.nan)
+    usable = np.isfinite(points_m[..., 0])
     rng = random_stream(data.seed, "+".join(map(str, chosen)), "filter")
     tracked = track_static(
         cameras, data.points_m, kept, data.covariance[chosen], usable, data.process, rng, FILTER_RUNS
