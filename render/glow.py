@@ -19,7 +19,7 @@ from render.light import Radiosity, UnitLight
 from render.markers import pattern, plate_texture
 from render.state import SceneState
 
-__all__ = ["GlowMeshes", "appearance", "bake", "load_scene"]
+__all__ = ["GlowMeshes", "appearance", "appearance_of", "bake", "load_scene"]
 
 Floats = NDArray[np.float64]
 
@@ -91,7 +91,11 @@ def appearance(state: SceneState, meshes: GlowMeshes) -> Appearance:
 
     A plate's four corner texels are paper, so that their mean is the white at its centre.
     """
-    white = meshes.textures[:, [0, 0, -1, -1], [0, -1, 0, -1]].mean(axis=1, dtype=float)
+    return appearance_of(state, meshes.textures[:, [0, 0, -1, -1], [0, -1, 0, -1]].mean(axis=1, dtype=float))
+
+
+def appearance_of(state: SceneState, white: Floats) -> Appearance:
+    """How markers look whose white has these radiances, W/(m² sr), (N,); under ring lights those at 1 W/m²."""
     if state.light.ring_w_per_sr > 0:  # baked at 1 W/m²; the ring makes I/D² at D = 1 m
         white = white * state.light.ring_w_per_sr
     return Appearance(

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import importlib
+import inspect
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from validate.command_line import COMMANDS, OVERVIEW, misspelt
+from validate.run_sweep import run_sweep
 
 ROOT = Path(__file__).parents[1]
 SCRIPT = ROOT / "validate" / "run_sweep.py"
@@ -97,9 +103,29 @@ def test_no_sweep_at_all():
     assert run().returncode == 2
 
 
-def test_reserved_words_are_kept_for_subcommands():
-    """`run_sweep.py figures` is no sweep."""
-    refused(run("figures"), "figures")
+def test_a_misspelt_command_names_the_nearest():
+    """One line, with the right word; a misspelt sweep is told of sweeps."""
+    result = run("figurs")
+    refused(result, "figurs", 'did you mean "figures"')
+    assert len(result.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("word", "meant"),
+    [
+        ("chek", "check"),
+        ("new_scene", "new-scene"),
+        ("compar", "compare"),
+        ("zoon", None),
+        ("room.toml", None),
+        ("a/b", None),
+    ],
+)
+def test_a_first_word_that_is_no_command(word, meant):
+    """What is nearer to a sweep, or a path, is left to those who read sweeps."""
+    said = misspelt(word)
+    assert (said is None) == (meant is None)
+    assert meant is None or f'did you mean "{meant}"' in said
 
 
 def test_help_is_quick_and_shows_examples():
@@ -108,6 +134,52 @@ def test_help_is_quick_and_shows_examples():
     assert result.returncode == 0
     assert "Examples" in result.stdout
     assert "KEY=VALUE" in result.stdout
+
+
+def test_help_fits_a_screen_and_names_every_command():
+    """24 lines of 100 columns, and no option that there is not."""
+    lines = OVERVIEW.splitlines()
+    assert len(lines) <= 24
+    assert max(len(line) for line in lines) <= 100
+    for name in COMMANDS:
+        assert re.search(rf"\b{name}\b", OVERVIEW), name
+    options = inspect.signature(run_sweep).parameters
+    for option in re.findall(r"--([a-z-]+)", OVERVIEW):
+        assert option == "help" or option.replace("-", "_") in options, option
+
+
+def test_every_command_answers_help_with_its_own(capsys):
+    """Each module has a main, which says what it is for; nothing runs."""
+    for name, module in COMMANDS.items():
+        with pytest.raises(SystemExit) as caught:
+            importlib.import_module(module).main(["--help"])
+        assert caught.value.code == 0
+        assert f"usage: run_sweep.py {name}" in capsys.readouterr().out
+
+
+def test_the_installed_command_is_the_script():
+    """`pss-testbed` gives the same help and the same exit code as `python validate/run_sweep.py`."""
+    installed = Path(sys.executable).with_name("pss-testbed")
+    if not installed.exists():
+        pytest.skip("the project is not installed")
+    for arguments, code in ((["--help"], 0), (["zoom", "--trials", "0"], 2)):
+        there = subprocess.run([installed, *arguments], cwd=ROOT, capture_output=True, text=True, check=False)
+        here = run(*arguments)
+        assert (there.returncode, there.stdout, there.stderr) == (here.returncode, here.stdout, here.stderr)
+        assert here.returncode == code
+
+
+def test_a_shell_completes_sweeps_commands_and_options(tmp_path):
+    """The script that is written, asked by bash itself."""
+    script = tmp_path / "completion"
+    assert run("--tyro-write-completion", "bash", script).returncode == 0
+    ask = (
+        'source "$0"; ask() { COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); COMPREPLY=(); '
+        '"$(complete -p | sed -n "s/.*-F \\([^ ]*\\) .*/\\1/p")"; echo "${COMPREPLY[@]}"; }; '
+        "ask run_sweep.py fi; ask run_sweep.py zoom-; ask run_sweep.py zoom --dr; ask run_sweep.py check room --ta"
+    )
+    done = subprocess.run(["bash", "-c", ask, str(script)], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["figures", "zoom-of-three", "--dry-run", "--table"]
 
 
 def test_dry_run_renders_nothing(tmp_path):

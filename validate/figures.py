@@ -26,7 +26,7 @@ from validate.slopes import Slopes, slopes_of
 from validate.store import Store, atomic_path
 from validate.sweep import SweepResult
 
-__all__ = ["all_drawn", "draw_all", "points_figure", "source_of", "sweep_figure"]
+__all__ = ["all_drawn", "draw_all", "draw_curves", "points_figure", "source_of", "sweep_figure"]
 
 Floats = NDArray[np.float64]
 
@@ -105,16 +105,16 @@ def sweep_figure(result: SweepResult) -> Figure:
     bar.ax.yaxis.set_major_formatter("{x:g}")
     bar.ax.yaxis.set_minor_formatter("{x:g}")
     bar.set_label(f"predicted √λmax of C in mm ({result.noise_models[-1]}); grey: unobservable")
-    _curves(figure.add_subplot(grid[1, 0]), result, single_frame=True)
+    draw_curves(figure.add_subplot(grid[1, 0]), result, single_frame=True)
     found = slopes_of(result) if result.plan.sweep.varies_scene else None
     if found is not None and found.points:
         _slopes(figure.add_subplot(grid[1, 1]), result, found)
     else:
-        _curves(figure.add_subplot(grid[1, 1]), result, single_frame=False)
+        draw_curves(figure.add_subplot(grid[1, 1]), result, single_frame=False)
     return figure
 
 
-def _curves(axes: Axes, result: SweepResult, single_frame: bool) -> None:
+def draw_curves(axes: Axes, result: SweepResult, single_frame: bool) -> None:
     """PSS over the steps, each curve relative to its own maximum, which the legend gives."""
     selection = result.configurations[0].parameter == "selection"
     labels = [str(configuration.value) for configuration in result.configurations]

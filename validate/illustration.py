@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.colors import LogNorm
@@ -39,8 +39,10 @@ def _sigma_mm(result: SweepResult, step: int) -> Floats:
     return result.assessments[step].predicted[result.noise_models[-1]].single_frame_sigma_m * 1000
 
 
-def draw_configuration(axes: Axes3D, result: SweepResult, step: int, norm: LogNorm) -> None:
-    """Draw one step of a sweep."""
+def draw_configuration(
+    axes: Axes3D, result: SweepResult, step: int, norm: LogNorm, of_cameras: Mapping[str, str] | None = None
+) -> None:
+    """Draw one step of a sweep; cameras in the colours `of_cameras`, or else those that vary in another one."""
     import matplotlib
 
     configuration = result.configurations[step]
@@ -58,7 +60,7 @@ def draw_configuration(axes: Axes3D, result: SweepResult, step: int, norm: LogNo
         if camera.name in active:
             chosen = next(c for c in configuration.cameras if c.name == camera.name)
             varied = configuration.parameter == "selection" or _differs(result, camera.name, first)
-            _camera(axes, chosen, VARIED if varied else OTHER, room)
+            _camera(axes, chosen, (of_cameras or {}).get(camera.name, VARIED if varied else OTHER), room)
         else:
             axes.scatter(*camera.position_m, color=IDLE, s=12)
             axes.text(*camera.position_m, f" {camera.name}", color=IDLE, fontsize=8)

@@ -37,7 +37,9 @@ def write_new_scene(name: str, folder: Path) -> tuple[Path, Path]:
     scene, sweep = folder / f"{name}.toml", folder / f"{name}-sweep.toml"
     for path in (scene, sweep):
         if path.exists() or path.is_symlink():
-            raise StoreError(f"{path} is there already; allowed: a name of which there is no file yet, or another --out")
+            raise StoreError(
+                f"{path} is there already; allowed: a name of which there is no file yet, or another --out"
+            )
     write_text(scene, _text("scene", name, SceneSpec))
     write_text(sweep, _text("sweep", name, SweepSpec))
     return scene, sweep

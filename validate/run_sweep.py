@@ -18,31 +18,18 @@ if __package__ in (None, ""):  # run as a script: the project's root is the pare
 
 import tyro
 
-from validate.exit_codes import EXIT_BROKEN, EXIT_CODES, EXIT_INTERRUPTED, EXIT_MISTAKE
+from validate import command_line
+from validate.exit_codes import EXIT_BROKEN, EXIT_CODES, EXIT_DONE, EXIT_INTERRUPTED, EXIT_MISTAKE
 from validate.scale.options import HERE, Scale
 
 __all__ = ["main", "run_sweep"]
 
-# Words in a sweep's place that are commands of their own; each module has a `main(arguments) -> exit code`.
-SUBCOMMANDS = {
-    "bank": "validate.bank.command",
-    "calibration-error": "validate.bank.miscalibrated",
-    "pixel-noise": "validate.pixel_noise.command",
-    "schedule": "validate.hallway.command",
-    "store": "validate.store_command",
-}
-RESERVED = ("compare", "check", "new-scene", "figures")
 DESCRIPTION = f"""Predict and measure sweeps of camera settings; see README.md for what is left in the results folder.
 
 Examples:
   run_sweep.py zoom focus selection
   run_sweep.py zoom --set sensor.exposure_ms=8 --set cameras.2.focus_distance_m=3.5
   run_sweep.py my_sweep.toml --out results/mine --trials 50
-  run_sweep.py bank            all metrics and noise models on configurations from a bank of views (bank --help)
-  run_sweep.py calibration-error   how PSS ranks the bank's configurations if cameras are wrongly calibrated
-  run_sweep.py schedule hallway    cameras follow two people who pass each other, by one strategy after the other
-  run_sweep.py store verify    check every stored file; list and prune what is stored (store --help)
-  run_sweep.py pixel-noise     a marker's bias and σ against blur, size, incidence and signal (pixel-noise --help)
 
 {EXIT_CODES}"""
 
@@ -89,12 +76,17 @@ def run_sweep(
 def main(arguments: list[str] | None = None) -> int:
     """Parse the command line, run, and give the exit code; the user's mistakes are one line."""
     arguments = sys.argv[1:] if arguments is None else arguments
-    if arguments and arguments[0] in RESERVED:
-        print(f"run_sweep.py: '{arguments[0]}' is kept for a subcommand that does not exist yet", file=sys.stderr)
+    if command_line.wants_overview(arguments):
+        print(command_line.OVERVIEW)
+        return EXIT_DONE
+    if arguments and (said := command_line.misspelt(arguments[0])) is not None:
+        print(f"run_sweep.py: {said}", file=sys.stderr)
         return EXIT_MISTAKE
     try:
-        if arguments and arguments[0] in SUBCOMMANDS:
-            command = importlib.import_module(SUBCOMMANDS[arguments[0]])
+        if command_line.wants_completion(arguments):
+            command_line.complete(arguments, run_sweep)
+        if arguments and arguments[0] in command_line.COMMANDS:
+            command = importlib.import_module(command_line.COMMANDS[arguments[0]])
             return int(command.main(arguments[1:]))
         return tyro.cli(run_sweep, prog="run_sweep.py", description=DESCRIPTION, args=arguments)
     except KeyboardInterrupt:

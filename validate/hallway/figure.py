@@ -19,7 +19,7 @@ from validate.hallway.runs import limit_name
 from validate.hallway.study import FULL_MODEL
 from validate.intervals import interval
 
-__all__ = ["schedule_figure"]
+__all__ = ["draw_panel", "key_lines", "schedule_figure"]
 
 Floats = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ def schedule_figure(result: ScheduleResult) -> Figure:
     figure.suptitle(result.held.design.schedule.said.title, fontsize=15)
     for row, kind in zip(grid, KINDS, strict=True):
         for axes, strategies in zip(row, columns, strict=True):
-            _panel(axes, result, strategies, kind)
+            draw_panel(axes, result, strategies, kind)
         # When all of the row is drawn: a limit that is set ends the search for others.
         row[0].set_ylim(bottom=0)
         row[0].set_ylabel(f"PSS in 1/mm, {'σ∞ and filter' if kind == 'filter' else 'single frame'}")
@@ -56,11 +56,11 @@ def schedule_figure(result: ScheduleResult) -> Figure:
         axes.set_xlabel(f"y of {result.held.design.stage.names[0]} in m")
     for axes in grid[0]:
         axes.legend(fontsize=8, frameon=False, loc="upper left")
-    figure.legend(handles=_key(result), loc="outside lower center", ncols=5, frameon=False, fontsize=9)
+    figure.legend(handles=key_lines(result), loc="outside lower center", ncols=5, frameon=False, fontsize=9)
     return figure
 
 
-def _panel(axes: Axes, result: ScheduleResult, strategies: list[str], kind: str) -> None:
+def draw_panel(axes: Axes, result: ScheduleResult, strategies: list[str], kind: str) -> None:
     runs, steps = result.held.design.runs, result.shape[1]
     y = np.array([float(c.value) for c in result.configurations[:steps]])
     limits = list(dict.fromkeys(run.zoom_limit for run in runs))
@@ -91,7 +91,7 @@ def _panel(axes: Axes, result: ScheduleResult, strategies: list[str], kind: str)
     axes.axvline(0, color="#bbbbbb", linewidth=0.8, zorder=0)
 
 
-def _key(result: ScheduleResult) -> list[Line2D]:
+def key_lines(result: ScheduleResult) -> list[Line2D]:
     limits = list(dict.fromkeys(run.zoom_limit for run in result.held.design.runs))
     grey = "#444444"
     found = []

@@ -1,0 +1,241 @@
+"""What the metric foresees of a scene: who sees which marker, how large and how sharp, and how well it is resolved."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pss import Evaluation
+from pss.legibility import WholeTarget, blur_modules, narrow_side_px
+from pss.photometry import electrons_per_radiance
+from pss.views import Views
+from render.exposure import choose_exposure
+from scenes import Scene
+from validate.assess import predict
+from validate.check.estimated_light import estimated_appearance
+
+__all__ = [
+    "LARGEST_BLUR_MODULES",
+    "SMALLEST_MODULE_PX",
+    "Foreseen",
+    "camera_rows",
+    "foresee",
+    "marker_rows",
+    "model_rows",
+    "warnings_of",
+]
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Row = dict[str, object]
+
+# Fitted by `run_sweep.py bank` on what was found and what was not (results/reference/bank/calibrated.toml): beyond
+# either limit 2 % of the markers are found, within both 96 %.
+SMALLEST_MODULE_PX = 2.3
+LARGEST_BLUR_MODULES = 1.15
+# In a warning; all are in the table of markers.
+MOST_NAMED = 12
+# An observable point needs the rays of two cameras.
+ENOUGH = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Foreseen:
+    """A scene's cameras and markers before anything is rendered. Arrays are (C, N): cameras × markers.
+
+    Attributes:
+        scene: with an exposure in numbers.
+        evaluations: by the name of each of the scene's noise models.
+        visible: the metric's own visibility (the scene's [metric]).
+        whole: besides, the whole marker is in view.
+        module_px: px, a module's narrow side in the image.
+        blur_px: px, diameter of the circle of confusion (Eq. 14).
+        blur_modules: the same over a module's narrow side, with what motion adds.
+        depth_m: m along the camera's axis.
+        white_share: of the saturation, what the white of the marker reaches on the axis.
+    """
+
+    scene: Scene
+    evaluations: dict[str, Evaluation]
+    visible: Bools
+    whole: Bools
+    module_px: Floats
+    blur_px: Floats
+    blur_modules: Floats
+    depth_m: Floats
+    white_share: Floats
+
+    @property
+    def too_small(self) -> Bools:
+        """(C, N), whole in view, but with modules too small to be told apart."""
+        return self.whole & (self.module_px < SMALLEST_MODULE_PX)
+
+    @property
+    def too_blurred(self) -> Bools:
+        """(C, N), whole in view and large enough, but too far out of focus, or too fast."""
+        return self.whole & ~self.too_small & (self.blur_modules > LARGEST_BLUR_MODULES)
+
+    @property
+    def legible(self) -> Bools:
+        """(C, N), whole, large and sharp enough to be found most likely."""
+        return self.whole & ~self.too_small & ~self.too_blurred
+
+    @property
+    def shown_model(self) -> str:
+        """The noise model whose σ is shown marker by marker: the scene's last, as in the figures."""
+        return self.scene.noise_models[-1].name
+
+
+def foresee(scene: Scene) -> Foreseen:
+    """What the metric says of all cameras of a scene, in the light as it is estimated."""
+    state = scene.state
+    look = estimated_appearance(state)
+    if scene.auto_exposure is not None:
+        wish = scene.auto_exposure
+        choice = choose_exposure(look, state.points_m, state.normals, scene.cameras, scene.sensor, wish)
+        scene = scene.with_exposure(choice.exposure_ms)
+    evaluations = predict(scene, scene.cameras, look)
+    visible = next(iter(evaluations.values())).visible
+    views = Views(scene.cameras, state.points_m, state.normals, look)
+    electrons = np.array([[electrons_per_radiance(camera, scene.sensor)] for camera in scene.cameras])
+    radiance = np.broadcast_to(look.white_w_per_m2_sr, visible.shape)
+    if look.ring_light:  # the radiances are those at 1 m, face to face
+        with np.errstate(invalid="ignore", divide="ignore"):
+            radiance = radiance * np.maximum(views.cos_incidence, 0) / views.range_m**2
+    return Foreseen(
+        scene,
+        evaluations,
+        visible,
+        WholeTarget().passed(views, visible, state.occluders),
+        narrow_side_px(views),
+        views.circle_of_confusion_px,
+        blur_modules(views, scene.sensor),
+        views.depth_m,
+        (electrons * radiance + scene.sensor.dark_signal_e) / scene.sensor.saturation_e,
+    )
+
+
+def camera_rows(seen: Foreseen) -> list[Row]:
+    """A row for each camera; what is said of markers is of those that it sees."""
+    rows: list[Row] = []
+    for number, camera in enumerate(seen.scene.cameras):
+        of = seen.visible[number]
+        rows.append(
+            {
+                "camera": camera.name,
+                "fov_deg": camera.horizontal_fov_deg,
+                "focus_distance_m": camera.focus_distance_m,
+                "markers_visible": int(of.sum()),
+                "whole": int(seen.whole[number].sum()),
+                "too_small": int(seen.too_small[number].sum()),
+                "too_blurred": int(seen.too_blurred[number].sum()),
+                "likely_found": int(seen.legible[number].sum()),
+                **_spread("depth", "m", seen.depth_m[number][of]),
+                **_spread("module", "px", seen.module_px[number][of]),
+                **_spread("blur", "px", seen.blur_px[number][of]),
+                "brightest_white_share": float(seen.white_share[number][of].max(initial=0.0)),
+            }
+        )
+    return rows
+
+
+def _spread(name: str, unit: str, values: Floats) -> Row:
+    """Smallest, median and largest of some values; nan of none."""
+    low, middle, high = np.percentile(values, [0, 50, 100]) if len(values) else (np.nan,) * 3
+    return {f"{name}_lowest_{unit}": low, f"{name}_median_{unit}": middle, f"{name}_highest_{unit}": high}
+
+
+def marker_rows(seen: Foreseen) -> list[Row]:
+    """A row for each marker, with σ∞ by the noise model that is shown."""
+    evaluation = seen.evaluations[seen.shown_model]
+    names = np.array([camera.name for camera in seen.scene.cameras])
+    rows: list[Row] = []
+    for number, marker in enumerate(seen.scene.state.markers):
+        of = seen.visible[:, number]
+        x, y, z = marker.centre_m
+        rows.append(
+            {
+                "marker": marker.id,
+                "object": marker.object_name,
+                "x_m": x,
+                "y_m": y,
+                "z_m": z,
+                "cameras": " ".join(names[of]),
+                "visible_to": int(of.sum()),
+                "likely_found_by": int(seen.legible[:, number].sum()),
+                "largest_module_px": seen.module_px[of, number].max(initial=0.0),
+                "least_blur_modules": seen.blur_modules[of, number].min() if of.any() else np.nan,
+                "noise_model": seen.shown_model,
+                "sigma_inf_m": evaluation.sigma_m[number],
+                "single_frame_sigma_m": evaluation.single_frame_sigma_m[number],
+            }
+        )
+    return rows
+
+
+def model_rows(seen: Foreseen) -> list[Row]:
+    """A row for each noise model: PSS of both kinds, and σ∞ over the observable markers."""
+    rows: list[Row] = []
+    for name, evaluation in seen.evaluations.items():
+        rows.append(
+            {
+                "noise_model": name,
+                "markers": len(evaluation.observable),
+                "observable": int(evaluation.observable.sum()),
+                "pss": evaluation.pss,
+                "pss_single_frame": evaluation.pss_single_frame,
+                **_spread("sigma_inf", "m", evaluation.sigma_m[evaluation.observable]),
+                **_spread("single_frame_sigma", "m", evaluation.single_frame_sigma_m[evaluation.observable]),
+            }
+        )
+    return rows
+
+
+def warnings_of(seen: Foreseen) -> list[str]:
+    """What will most likely disappoint, a line each, with what would help."""
+    lines = list(seen.scene.warnings)
+    ids = np.array([marker.id for marker in seen.scene.state.markers])
+    sees = seen.visible.sum(axis=1)
+    finds = seen.legible.sum(axis=1)
+    for number, camera in enumerate(seen.scene.cameras):
+        if sees[number] == 0:
+            lines.append(f"camera {camera.name} sees no marker; its aim, zoom or place would have to change")
+        elif finds[number] == 0:
+            small, blurred = seen.too_small[number].sum(), seen.too_blurred[number].sum()
+            why = "too small" if small >= blurred else "too blurred"
+            lines.append(f"camera {camera.name} sees {sees[number]} markers, but will find none: most are {why}")
+        bright = float(seen.white_share[number][seen.visible[number]].max(initial=0.0))
+        if bright > 1:
+            lines.append(
+                f"camera {camera.name}: the white of its brightest marker is {bright:.1f} times the saturation; "
+                'a shorter sensor.exposure_ms, a larger f_number, or exposure_ms = "auto" helps'
+            )
+    views = seen.visible.sum(axis=0)
+    found = seen.legible.sum(axis=0)
+    if (lost := views < ENOUGH).any():
+        lines.append(
+            f"{lost.sum()} of {len(ids)} markers are seen by fewer than two cameras and add nothing to PSS: "
+            f"{_named(ids[lost])}"
+        )
+    if (weak := ~lost & (found < ENOUGH)).any():
+        lines.append(
+            f"{weak.sum()} more are seen by two or more cameras, but found by fewer than two (modules under "
+            f"{SMALLEST_MODULE_PX} px, blur over {LARGEST_BLUR_MODULES} modules, or cut): {_named(ids[weak])}"
+        )
+    return lines
+
+
+def _named(ids: Sequence[int] | NDArray[np.int64]) -> str:
+    """Marker numbers, runs of them as "3–7"; of many the first."""
+    ordered = sorted(int(number) for number in ids)
+    runs: list[list[int]] = []
+    for number in ordered:
+        if runs and number == runs[-1][1] + 1:
+            runs[-1][1] = number
+        else:
+            runs.append([number, number])
+    words = [f"{first}" if first == last else f"{first}–{last}" for first, last in runs]
+    return ", ".join(words[:MOST_NAMED]) + (", …" if len(words) > MOST_NAMED else "")

@@ -1,0 +1,144 @@
+"""`run_sweep.py figures`: the paper's Figures 1 to 4 from our own runs, as PDF and SVG."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+from matplotlib.figure import Figure
+from rich.console import Console
+
+from pss import RangeError
+from render import backend
+from render.sampling import Sampling
+from scenes import load_scene, load_sweep
+from scenes.schedule_file import load_schedule
+from validate.acquire import Acquired, Acquisition, acquire
+from validate.progress import EXPECTED_SECONDS, ViewProgress, clock
+from validate.remote_store import open_store
+from validate.run import check_folders
+from validate.store import Store, StoreError, write_text
+from validate.sweep import assess_sweep, plan
+from validate.table_text import table_text
+
+__all__ = ["main", "run"]
+
+Row = dict[str, object]
+
+FIGURES = (1, 2, 3, 4)
+SCHEDULE = "hallway"
+
+
+def run(
+    figures: Annotated[tuple[int, ...], tyro.conf.Positional, tyro.conf.arg(metavar="FIGURE…")] = FIGURES,
+    /,
+    out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("results/figures"),
+    store: Annotated[str, tyro.conf.arg(metavar="DIR")] = "results/store",
+    table: Literal["csv", "md", "tex"] | None = None,
+    variant: Literal["llvm_ad_mono", "cuda_ad_mono", "scalar_rgb"] | None = None,
+    dry_run: bool = False,
+) -> int:
+    """Draw the paper's figures from our own runs: 1 zoom, 2 focus, 3 camera selection, 4 two people in a hallway.
+
+    Each as PDF and SVG, 7 inches wide. What is not in the store is rendered: eight to ten minutes for Figures 1 to 3,
+    half an hour for Figure 4.
+
+    Args:
+        figures: which.
+        out: folder for the files.
+        store: folder of rendered views and measurements, shared by all runs, or an address (docs/store.md).
+        table: also write the numbers of each figure's curves as a table in this form.
+        variant: Mitsuba's variant (default: LLVM if a libLLVM is found, else scalar).
+        dry_run: say how many views are missing, and stop.
+    """
+    for number in figures:
+        if number not in FIGURES:
+            raise RangeError(f"figure {number}; allowed: {', '.join(str(each) for each in FIGURES)}")
+    check_folders(out, store)
+    opened, chosen = open_store(store), backend.choose(variant)
+    errors = Console(stderr=True)
+    for number in dict.fromkeys(figures):
+        make = _walk if number == max(FIGURES) else _static
+        paths = make(number, out, table, opened, chosen, errors, dry_run)
+        if paths:
+            print(f"Figure {number}: {', '.join(str(path) for path in paths)}")
+    return 0
+
+
+def _static(
+    number: int, out: Path, table: str | None, store: Store, chosen: backend.Backend, errors: Console, dry_run: bool
+) -> list[Path]:
+    from validate.print_figures.static import SWEEPS, static_figure, static_rows
+
+    sweep = load_sweep(SWEEPS[number])
+    planned = plan(sweep, load_scene(sweep.scene_path), chosen.identity, Sampling(noise_ratio=sweep.render_noise_ratio))
+    wanted = [item for views in planned.views for item in views]
+    if dry_run:
+        _announce(number, wanted, store)
+        return []
+    result = assess_sweep(planned, _acquired(number, wanted, store, chosen, errors))
+    return _write(number, out, table, lambda: static_figure(number, result), static_rows(number, result))
+
+
+def _walk(
+    number: int, out: Path, table: str | None, store: Store, chosen: backend.Backend, errors: Console, dry_run: bool
+) -> list[Path]:
+    # Imported late: slow, and wanted for one figure alone.
+    from validate.hallway.results import result_of
+    from validate.hallway.runs import steered_runs
+    from validate.hallway.stage import BOTH, stage_of
+    from validate.hallway.study import assess_held, design_of
+    from validate.hallway.training import calibrate_hallway, training_views
+    from validate.print_figures.walk import walk_figure, walk_rows
+
+    file = load_schedule(SCHEDULE)
+    stage = stage_of(file, load_scene(file.scene_path))
+    errors.print("steering the cameras", markup=False)
+    runs = steered_runs(file, stage, {})
+    training = training_views(file, stage, chosen.identity)
+    design = design_of(file, stage, runs, chosen.identity)
+    wanted = [item for place in training for item in place.wanted] + design.wanted
+    if dry_run:
+        _announce(number, wanted, store)
+        return []
+    acquired = _acquired(number, wanted, store, chosen, errors)
+    result = result_of(assess_held(design, acquired, calibrate_hallway(training, acquired)), BOTH)
+    return _write(number, out, table, lambda: walk_figure(result), walk_rows(result))
+
+
+def _announce(number: int, wanted: Sequence[Acquisition], store: Store) -> None:
+    unique = list(dict.fromkeys(wanted))
+    missing = [item for item in unique if not store.has(item.task(store).path)]
+    print(
+        f"Figure {number}: {len(unique)} views, {len(missing)} to render or measure, "
+        f"about {clock(EXPECTED_SECONDS * len(missing))}"
+    )
+
+
+def _acquired(
+    number: int, wanted: Sequence[Acquisition], store: Store, chosen: backend.Backend, errors: Console
+) -> Acquired:
+    acquired = acquire(wanted, store, chosen, lambda total: ViewProgress(total, errors))
+    if acquired.failed:
+        causes = "; ".join(f"view {key}: {cause}" for key, cause in acquired.failed.items())
+        raise StoreError(f"Figure {number} lacks {len(acquired.failed)} views ({causes})")
+    return acquired
+
+
+def _write(number: int, out: Path, table: str | None, draw: Callable[[], Figure], rows: Sequence[Row]) -> list[Path]:
+    from validate.print_figures.save import print_style, save
+
+    name = f"figure-{number}"
+    with print_style():
+        paths = save(draw(), out, name)
+    if table is not None:
+        paths.append(out / f"{name}.{table}")
+        write_text(paths[-1], table_text(rows, table))
+    return paths
+
+
+def main(arguments: list[str]) -> int:
+    """Parse the subcommand's own arguments and run it."""
+    return tyro.cli(run, prog="run_sweep.py figures", args=arguments)

@@ -1,0 +1,155 @@
+"""`run_sweep.py compare`: the tables of two or more runs side by side, with differences and intervals."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator, Sequence
+from typing import Annotated, Literal
+
+import tyro
+from rich.console import Console
+from rich.table import Table
+
+from validate.side_by_side.rows import QUANTITIES, Quantity, matched_rows
+from validate.side_by_side.runs import Side, settings_rows, sides_of
+from validate.store import StoreError
+from validate.table_text import table_text
+
+__all__ = ["compared", "main", "run"]
+
+Row = dict[str, object]
+
+# Keys that all rows of a printed table share say nothing.
+COLUMNS_FOR_KEYS, COLUMNS_A_RUN = 60, 60
+ALWAYS_SHOWN = ("value", "noise_model")
+
+
+def run(
+    runs: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="RUN…")],
+    /,
+    rows: Literal["settings", "measured", "predicted", "correlation", "leaderboard", "agreement", "slopes"]
+    | None = None,
+    table: Literal["csv", "md", "tex"] | None = None,
+) -> int:
+    """Set the tables of two or more runs side by side, with differences from the first and 95 % intervals.
+
+    A RUN is a folder of results, or some of its rows: results/zoom@noise_model=physical, results/bank@metric=pss.
+    Ratios and differences have intervals as of independent runs: too wide, if runs share markers or seeds.
+
+    Args:
+        runs: folders that runs left; the first is what the others are compared with.
+        rows: what is compared (default: what differs in the settings, what was measured, and the correlations).
+        table: print one table in this form, with all its rows, and nothing else (default of --rows: measured).
+    """
+    sides = sides_of(runs)
+    if table is not None:
+        print(table_text([*compared(sides, rows or "measured")], table), end="")
+        return 0
+    # In a file or a pipe the tables keep their columns.
+    console = Console(width=None if os.isatty(1) else COLUMNS_FOR_KEYS + COLUMNS_A_RUN * len(sides))
+    shown = [rows] if rows else ["settings", "measured", "correlation", "leaderboard", "agreement"]
+    if not rows and len({side.folder.resolve() for side in sides}) == 1:  # one run, which measured one thing
+        shown = ["predicted", *shown[2:]]
+    if "settings" in shown:
+        _show_settings(sides, console)
+    for name in shown:
+        for quantity in QUANTITIES.get(name, ()):
+            _show(sides, name, quantity, console, short=rows is None)
+    return 0
+
+
+def compared(sides: Sequence[Side], name: str) -> list[Row]:
+    """The rows of one comparison: "settings", or a name in `QUANTITIES`; those of all its quantities have one head.
+
+    Raises:
+        StoreError: a side has no such table, or no row has its like in all others.
+    """
+    if name == "settings":
+        return settings_rows(sides)
+    found = [row for quantity in QUANTITIES[name] for row in _matched(sides, quantity)]
+    if not found:
+        tables = ", ".join(sorted({f"{quantity.table}.csv" for quantity in QUANTITIES[name]}))
+        raise StoreError(
+            f"nothing in {tables} of {', '.join(str(side.folder) for side in sides)} is alike; "
+            "allowed: runs with the same sweeps and values, or cameras"
+        )
+    head = dict.fromkeys(key for row in found for key in row)
+    return [{key: row.get(key) for key in head} for row in found]
+
+
+def _matched(sides: Sequence[Side], quantity: Quantity) -> list[Row]:
+    tables = {side.label: side.table(quantity.table) for side in sides}
+    present = {label: rows for label, rows in tables.items() if rows is not None}
+    if len(present) < len(sides):
+        return []
+    chosen = [column for side in sides for column in side.chosen]
+    return matched_rows(present, quantity, chosen)
+
+
+def _show_settings(sides: Sequence[Side], console: Console) -> None:
+    for side in sides:
+        if side.settings() is None:
+            console.print(f"{side.folder} has no run.json: its settings are not known", markup=False, highlight=False)
+    rows = settings_rows([side for side in sides if side.settings() is not None])
+    if not rows:
+        console.print("no setting differs", highlight=False)
+        return
+    table = Table(title="What differs in the runs' settings")
+    for name in rows[0]:
+        table.add_column(name, overflow="fold")
+    for row in rows:
+        table.add_row(*(str(value) for value in row.values()))
+    console.print(table)
+
+
+def _show(sides: Sequence[Side], name: str, quantity: Quantity, console: Console, short: bool) -> None:
+    rows = _matched(sides, quantity)
+    if short and quantity.only:
+        chosen = {column for side in sides for column in side.chosen}
+        only = {key: allowed for key, allowed in quantity.only.items() if key not in chosen}
+        rows = [row for row in rows if all(row.get(key, allowed[0]) in allowed for key, allowed in only.items())]
+    labels = [side.label for side in sides]
+    if not rows or (short and not quantity.low and name != "measured"):
+        return
+    first = rows[0]
+    keys = list(first)[: list(first).index("quantity")]
+    keys = [key for key in keys if key in ALWAYS_SHOWN or len({row[key] for row in rows}) > 1]
+    unit = {"_m": " (m)", "ss": "", "er": ""}.get(quantity.value[-2:], "")
+    table = Table(title=f"{quantity.value}{unit}" + (", with 95 % intervals" if quantity.low else ""))
+    for key in keys:
+        table.add_column(key)
+    what = "ratio" if quantity.as_ratio else "difference"
+    sign = "÷" if quantity.as_ratio else "−"
+    for number, label in enumerate(labels):
+        table.add_column(label, justify="right")
+        if number:
+            table.add_column(f"{label} {sign} {labels[0]}", justify="right")
+    previous = None
+    for row in rows:
+        if previous is not None and row.get("sweep") != previous:
+            table.add_section()
+        previous = row.get("sweep")
+        table.add_row(*(str(row[key]) for key in keys), *_cells(row, labels, what))
+    console.print(table)
+
+
+def _cells(row: Row, labels: Sequence[str], what: str) -> Iterator[str]:
+    for number, label in enumerate(labels):
+        yield _cell(row, label)
+        if number:
+            yield _cell(row, f"{label}_{what}") + (" *" if row.get(f"{label}_apart") == "yes" else "")
+
+
+def _cell(row: Row, name: str) -> str:
+    value, low, high = (row.get(key, math.nan) for key in (name, f"{name}_ci_low", f"{name}_ci_high"))
+    assert isinstance(value, float)
+    if math.isnan(value):
+        return ""
+    interval = "" if not isinstance(low, float) or math.isnan(low) else f" [{low:.3g}, {high:.3g}]"
+    return f"{value:.3g}{interval}"
+
+
+def main(arguments: list[str]) -> int:
+    """Parse the subcommand's own arguments and run it."""
+    return tyro.cli(run, prog="run_sweep.py compare", args=arguments)

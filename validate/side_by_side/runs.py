@@ -1,0 +1,150 @@
+"""The tables that runs left, as sides of a comparison: a folder, and which of its rows are meant."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from scenes.errors import nearest
+from validate.store import StoreError
+
+__all__ = ["Side", "settings_rows", "sides_of"]
+
+Row = dict[str, str]
+
+RUN_FILE = "run.json"
+# What may differ between two runs of one thing, or says no more than the rest.
+NOT_SETTINGS = ("options", "seconds", "rendered", "measured", "failed", "figures_drawn_from", "seeds")
+# By these a run of several sweeps says what it ran, each under the sweep's name.
+BY_SWEEP = {"scenes": "scene", "sweeps": "sweep"}
+
+
+@dataclass(frozen=True)
+class Side:
+    """One side of a comparison.
+
+    Attributes:
+        label: its name in the tables.
+        folder: of a run.
+        chosen: the value that a column must have, by column: rows are matched by the other columns.
+    """
+
+    label: str
+    folder: Path
+    chosen: Mapping[str, str]
+
+    def table(self, name: str) -> list[Row] | None:
+        """The rows of `name`.csv that are meant; None if the run left no such table, or one without what is chosen.
+
+        Raises:
+            StoreError: a value that the chosen column lacks.
+        """
+        path = self.folder / f"{name}.csv"
+        if not path.is_file():
+            return None
+        with path.open(newline="", encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+        if rows and not set(self.chosen) <= set(rows[0]):
+            return None
+        for column, value in self.chosen.items():
+            known = sorted({row[column] for row in rows if column in row})
+            if value not in known:
+                hint, _ = nearest(value, known)
+                raise StoreError(f"{path} has no {column} = {value}{hint}; allowed: {', '.join(known)}")
+            rows = [row for row in rows if row[column] == value]
+        return rows
+
+    def settings(self) -> dict[str, str] | None:
+        """What the run's `run.json` says, by dotted key; None without one."""
+        path = self.folder / RUN_FILE
+        if not path.is_file():
+            return None
+        try:
+            said = json.loads(path.read_text(encoding="utf-8"))
+        except ValueError as error:
+            raise StoreError(f"{path} is no JSON: {error}; allowed is what a run left") from None
+        return _flat({key: value for key, value in said.items() if key not in NOT_SETTINGS})
+
+
+def sides_of(said: Sequence[str]) -> list[Side]:
+    """The sides that the command line names, such as "results/a" or "results/a@noise_model=physical".
+
+    Raises:
+        StoreError: fewer than two, one twice, a folder that is none, or a selection that is not COLUMN=VALUE.
+    """
+    if len(said) < 2:
+        raise StoreError(f"{len(said)} given to compare; allowed: two folders of results or more")
+    parsed = [_parsed(each) for each in said]
+    if len({(folder.resolve(), tuple(sorted(chosen.items()))) for folder, chosen in parsed}) < len(parsed):
+        raise StoreError(f"{', '.join(said)}: one is given twice; allowed: each once")
+    return [Side(label, *each) for label, each in zip(_labels(parsed), parsed, strict=True)]
+
+
+def _parsed(said: str) -> tuple[Path, dict[str, str]]:
+    folder, at, selection = (said, "", "") if Path(said).is_dir() else said.partition("@")
+    if not Path(folder).is_dir():
+        raise StoreError(f"{folder} is no folder; allowed is one that a run left, such as results/zoom")
+    if not list(Path(folder).glob("*.csv")):
+        raise StoreError(f"{folder} has no tables; allowed is a folder that a run left, such as results/zoom")
+    chosen = {}
+    for part in selection.split(",") if at else ():
+        column, equals, value = part.partition("=")
+        if not (column and equals and value):
+            raise StoreError(f"{said}: {part!r}; allowed after @: COLUMN=VALUE, such as noise_model=physical")
+        known = sorted({name for path in Path(folder).glob("*.csv") for name in _head(path)})
+        if column not in known:
+            hint, _ = nearest(column, known)
+            raise StoreError(f"{said}: no table has a column {column!r}{hint}; allowed: {', '.join(known)}")
+        chosen[column] = value
+    return Path(folder), chosen
+
+
+def _head(path: Path) -> list[str]:
+    with path.open(newline="", encoding="utf-8") as file:
+        return next(csv.reader(file), [])
+
+
+def _labels(parsed: Sequence[tuple[Path, dict[str, str]]]) -> list[str]:
+    """As short as tells them apart: what was chosen, the folder's name, both, or the whole path."""
+    makers = [
+        lambda folder, chosen: " ".join(chosen.values()),
+        lambda folder, chosen: folder.resolve().name,
+        lambda folder, chosen: " ".join((folder.resolve().name, *chosen.values())),
+    ]
+    for make in makers:
+        labels = [make(folder, chosen) for folder, chosen in parsed]
+        if all(labels) and len(set(labels)) == len(labels):
+            return labels
+    return [" ".join((folder.as_posix(), *chosen.values())) for folder, chosen in parsed]
+
+
+def settings_rows(sides: Sequence[Side]) -> list[dict[str, object]]:
+    """A row for each key of the runs' files that is not the same in all, a column for each side; "" where it lacks.
+
+    What the scenes or sweeps of a run have in common is said once.
+    """
+    said = [side.settings() for side in sides]
+    known = [each if each is not None else {} for each in said]
+    rows: dict[tuple[str, ...], None] = {}
+    for key in dict.fromkeys(key for each in known for key in each):
+        values = tuple(each.get(key, "") for each in known)
+        if len(set(values)) > 1:
+            first, _, rest = key.partition(".")
+            name = f"{BY_SWEEP[first]}.{rest.partition('.')[2]}" if first in BY_SWEEP else key
+            rows[name, *values] = None
+    return [{"key": name, **dict(zip((s.label for s in sides), values, strict=True))} for name, *values in rows]
+
+
+def _flat(value: Any, prefix: str = "") -> dict[str, str]:
+    """Leaves by dotted key; a list's tables go by their names, a list of anything else is a leaf."""
+    if isinstance(value, dict):
+        items = [(str(key), item) for key, item in value.items()]
+    elif isinstance(value, list) and value and all(isinstance(item, dict) for item in value):
+        items = [(str(item.get("name", f"#{number}")), item) for number, item in enumerate(value, start=1)]
+    else:
+        return {prefix.removesuffix("."): value if isinstance(value, str) else json.dumps(value)}
+    return {key: leaf for name, item in items for key, leaf in _flat(item, f"{prefix}{name}.").items()}
