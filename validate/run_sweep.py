@@ -20,6 +20,7 @@ import tyro
 
 from validate import command_line
 from validate.exit_codes import EXIT_BROKEN, EXIT_CODES, EXIT_DONE, EXIT_INTERRUPTED, EXIT_MISTAKE
+from validate.interruption import remember_interrupts
 from validate.scale.options import HERE, Scale
 
 __all__ = ["main", "run_sweep"]
@@ -75,7 +76,9 @@ def run_sweep(
 
 def main(arguments: list[str] | None = None) -> int:
     """Parse the command line, run, and give the exit code; the user's mistakes are one line."""
-    arguments = sys.argv[1:] if arguments is None else arguments
+    if arguments is None:  # as a program, by either name
+        remember_interrupts()
+        arguments = sys.argv[1:]
     if command_line.wants_overview(arguments):
         print(command_line.OVERVIEW)
         return EXIT_DONE
@@ -103,7 +106,4 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    from validate.interruption import remember_interrupts
-
-    remember_interrupts()
     sys.exit(main())

@@ -35,6 +35,8 @@ SIZES_PT = {
 # Of what is drawn for the screen at nearly twice the size.
 SMALLER = 0.62
 CAMERA_PT2 = 12.0
+# In space every surface has a number of its own, counted from the farthest.
+ABOVE_ALL = 1000
 
 
 @contextmanager
@@ -62,6 +64,7 @@ def for_print(axes: Axes) -> None:
         line.set_linewidth(SMALLER * line.get_linewidth())
     for text in axes.texts:
         text.set_fontsize(7)
+        text.set_zorder(ABOVE_ALL)
     for item in axes.collections:
         if isinstance(item, Path3DCollection):
             item.set_sizes([CAMERA_PT2])
