@@ -113,13 +113,17 @@ def test_settings_of_a_camera_go_by_its_name(tmp_path):
     assert settings_rows(sides) == [{"key": "scene.cameras.1.zoom", "a": "3.0", "b": "2.0"}]
 
 
-def test_two_noise_models_of_one_run(tmp_path):
+def test_two_noise_models_of_one_run(tmp_path, capsys):
     """A selected column is no key."""
     folder = a_run(tmp_path / "run")
     sides = sides_of([f"{folder}@noise_model=as-printed", f"{folder}@noise_model=physical"])
     rows = [r for r in compared(sides, "predicted") if r["quantity"] == "pss_single_frame"]
     assert [r["value"] for r in rows] == ["1", "2"]
     assert [r["physical_ratio"] for r in rows] == pytest.approx([3.0, 3.0], rel=1e-6)
+    assert main([f"{folder}@noise_model=as-printed", f"{folder}@noise_model=physical"]) == 0
+    printed = capsys.readouterr().out
+    assert "physical ÷ as-printed" in printed
+    assert "measured" not in printed  # one run measured one thing
 
 
 def test_two_metrics_of_the_reference():

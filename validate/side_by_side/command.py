@@ -20,8 +20,11 @@ __all__ = ["compared", "main", "run"]
 
 Row = dict[str, object]
 
-# Keys that all rows of a printed table share say nothing.
+# Wide enough that no interval is broken.
 COLUMNS_FOR_KEYS, COLUMNS_A_RUN = 60, 60
+# Comparisons that are shown whole; of others, what has no interval is left to --rows.
+OF_STEPS = ("measured", "predicted")
+# Other keys that all rows of a printed table share say nothing.
 ALWAYS_SHOWN = ("value", "noise_model")
 
 
@@ -110,7 +113,7 @@ def _show(sides: Sequence[Side], name: str, quantity: Quantity, console: Console
         only = {key: allowed for key, allowed in quantity.only.items() if key not in chosen}
         rows = [row for row in rows if all(row.get(key, allowed[0]) in allowed for key, allowed in only.items())]
     labels = [side.label for side in sides]
-    if not rows or (short and not quantity.low and name != "measured"):
+    if not rows or (short and not quantity.low and name not in OF_STEPS):
         return
     first = rows[0]
     keys = list(first)[: list(first).index("quantity")]
