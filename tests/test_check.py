@@ -16,6 +16,7 @@ import pytest
 
 from pss import RangeError
 from pss.noise.calibrated import Calibration
+from pss.visibility import visible_points
 from render.light import solve_radiosity
 from render.state import Light, Panel
 from scenes import load_scene
@@ -46,6 +47,9 @@ def bench(*overrides):
 def test_rows_count_what_the_metric_sees(seen):
     """Cameras' and markers' counts are two sums over one table, and PSS is that of pss.evaluate."""
     cameras, markers = camera_rows(seen), marker_rows(seen)
+    state = seen.scene.state
+    by_itself = visible_points(seen.scene.cameras, state.points_m, state.normals, state.occluders)
+    np.testing.assert_array_equal(seen.visible, by_itself)
     assert sum(row["markers_visible"] for row in cameras) == sum(row["visible_to"] for row in markers)
     assert [row["markers_visible"] for row in cameras] == [
         sum(name in row["cameras"].split() for row in markers) for name in (c.name for c in seen.scene.cameras)
@@ -114,6 +118,20 @@ def test_a_lamp_straight_above_by_hand():
     alone = dataclasses.replace(state, room=black, light=light, objects=(), markers=(marker,))
     distance_m = black.height_m - 1.0
     assert estimated_irradiance(alone)[0] == pytest.approx(2.0 * 0.02 * 0.03 / distance_m**2, rel=1e-3)
+
+
+def test_reflected_light_by_hand():
+    """On a marker that looks down, in a room of one albedo: Φ/A · ρ/(1 − ρ), the integrating sphere's."""
+    state = bench().state
+    marker = dataclasses.replace(
+        state.markers[0], centre_m=(0.0, 0.0, 1.0), normal=(0.0, 0.0, -1.0), up=(0.0, 1.0, 0.0)
+    )
+    grey = dataclasses.replace(state.room, wall_albedo=0.6, floor_albedo=0.6, ceiling_albedo=0.6)
+    light = Light(2.0, (Panel((0.0, 0.0), (0.5, 0.4)),))
+    alone = dataclasses.replace(state, room=grey, light=light, objects=(), markers=(marker,))
+    width, length, height = grey.width_m, grey.length_m, grey.height_m
+    area = 2 * (width * length + width * height + length * height)
+    assert estimated_irradiance(alone)[0] == pytest.approx(np.pi * 2.0 * 0.2 / area * 0.6 / 0.4, rel=1e-9)
 
 
 def test_warnings_name_cameras_and_markers():
