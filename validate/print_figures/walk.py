@@ -60,6 +60,7 @@ def walk_figure(result: ScheduleResult) -> Figure:
     for axes, strategies in zip(panels, PANELS, strict=True):
         draw_panel(axes, result, list(strategies), KIND)
         axes.set_xlabel(f"y of {result.held.design.stage.names[0]} in m")
+        axes.legend()
         for_print(axes)
     panels[0].set_ylim(bottom=0)
     panels[0].set_ylabel("PSS in 1/mm, σ∞ and filter")
