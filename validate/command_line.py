@@ -42,7 +42,7 @@ Commands (COMMAND --help says more):
   calibration-error, pixel-noise, store
 
 Options of sweeps (zoom --help has all): --scene FILE  --out DIR  --store DIR  --trials N  --seed N
-  --dry-run  --set KEY=VALUE (units end a key's name: exposure_ms in ms, focus_distance_m in m)
+  --dry-run  --quiet  --workers N  --set KEY=VALUE (a key ends in its unit: exposure_ms, focus_distance_m)
 
 Examples:
   run_sweep.py zoom focus selection
@@ -50,7 +50,7 @@ Examples:
   run_sweep.py compare results/zoom results/brighter
   run_sweep.py new-scene my-room, then: run_sweep.py check my-room.toml
 
-Exit: 0 done, 1 done with failed views, 2 your mistake, 130 interrupted. More: docs/commands.md"""
+Exit: 0 done, 1 done with failed views, 2 your mistake, 70 ours, 130 interrupted: docs/runs.md"""
 SWEEPS = Path(__file__).parents[1] / "scenes" / "sweeps"
 COMPLETION = ("--tyro-print-completion", "--tyro-write-completion")
 # In every other command's module the function behind it is `run`.
