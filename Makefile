@@ -1,6 +1,8 @@
 # make sweep   set up, then predict and measure the zoom, focus and selection sweeps
 # make test    set up, lint, type-check pss/, and run the tests, the correlation gate among them
 # make acceptance   what must be shown but takes longer than `make test` may
+# make docs    the documentation as a site, docs/_build/html/index.html
+# make notebook    run docs/notebook.ipynb again and keep its outputs
 # make lock    write requirements.lock and requirements-evo.lock anew from pyproject.toml
 
 PYTHON ?= python3
@@ -12,7 +14,7 @@ UV_VERSION := 0.13.9
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: sweep test lint tests acceptance lock clean
+.PHONY: sweep test lint tests acceptance docs notebook lock clean
 
 sweep: $(VENV)/installed
 	$(BIN)/python validate/run_sweep.py zoom focus selection $(ARGS)
@@ -29,6 +31,12 @@ tests: $(VENV)/installed
 
 acceptance: $(VENV)/installed-evo
 	$(BIN)/python -m pytest -m acceptance -s
+
+docs: $(VENV)/installed
+	$(BIN)/python -m sphinx -q -W --keep-going -n -d docs/_build/doctrees docs docs/_build/html
+
+notebook: $(VENV)/installed
+	PYTHONPATH=. $(BIN)/python docs/run_notebook.py
 
 $(VENV)/installed: requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
@@ -54,4 +62,4 @@ lock:
 	rm -r $(VENV)-lock
 
 clean:
-	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) docs/_build .pytest_cache .mypy_cache .ruff_cache .hypothesis
