@@ -19,7 +19,6 @@ sys.path.insert(0, str(HERE.parent))
 from pss import METRICS  # noqa: E402  (beside a clone that is not installed, its path has to come first)
 
 project = "PSS testbed"
-author = "the PSS testbed's authors"
 try:
     release = importlib.metadata.version("pss-testbed")
 except importlib.metadata.PackageNotFoundError:  # the pages can be built beside a clone that is not installed
@@ -32,6 +31,9 @@ html_theme = "furo"
 html_title = project
 html_copy_source = False
 html_show_sphinx = False
+html_show_copyright = False
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
 highlight_language = "none"
 
 # Links such as scenes.md#looking-at-a-view, as a repository browser makes them.
@@ -44,8 +46,10 @@ autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
 python_use_unqualified_type_names = True
 napoleon_numpy_docstring = False
-napoleon_use_ivar = True
+napoleon_use_ivar = False
 napoleon_attr_annotations = False
+# Names for kinds of arrays, which numpy spells out in a line or two each.
+autodoc_type_aliases = {name: name for name in ("ArrayLike", "Floats", "Bools", "BoolArray", "Indices", "Process")}
 # What the signatures name and no page of this site describes: types of Python, numpy and of pss' own modules below the
 # public names.
 nitpick_ignore_regex = [("py:.*", r"(?!pss\.[A-Za-z]\w*$).*")]
@@ -59,6 +63,20 @@ def _plain_signs(app: Sphinx, what: str, name: str, obj: object, options: object
         outside = line.split("`")
         outside[::2] = [re.sub(r"(\||(?<=\w)_(?!\w))", r"\\\1", text) for text in outside[::2]]
         lines[number] = "`".join(outside)
+
+
+def _short_kinds(
+    app: Sphinx, what: str, name: str, obj: object, options: object, arguments: str | None, returns: str | None
+) -> tuple[str | None, str | None]:
+    """Kinds of arrays in signatures by their short names."""
+
+    def short(text: str | None) -> str | None:
+        if text is None:
+            return None
+        text = re.sub(r"TypeAliasForwardRef\('(\w+)'\)", r"\1", text)
+        return re.sub(r"~?[\w.]*ndarray\[tuple\[[^]]*\], ~?[\w.]*dtype\[~?([\w.]+)\]\]", r"NDArray[~\1]", text)
+
+    return short(arguments), short(returns)
 
 
 def _without_links_to_no_page(app: Sphinx, docname: str, source: list[str]) -> None:
@@ -98,5 +116,6 @@ def setup(app: Sphinx) -> None:
     app.connect("source-read", _without_links_to_no_page)
     app.connect("source-read", _without_empty_patterns)
     app.connect("source-read", _with_table_of_metrics)
+    app.connect("autodoc-process-signature", _short_kinds)
     # Before napoleon (500), whose own markup is to stay.
     app.connect("autodoc-process-docstring", _plain_signs, priority=400)
