@@ -51,7 +51,8 @@ ALLOWED_RANDOM = {("tests/test_sensor.py", "get_state"): "shows that the global 
 # Absolute places of one machine. Written so that this line does not match itself.
 MACHINE_PATH = re.compile(r"(?<![\w.~-])/(?:work|tmp|root|home/\w+|Users/\w+)(?=[/\s\"'`),;:]|$)", re.MULTILINE)
 TEXT_SUFFIXES = {".py", ".toml", ".md", ".txt", ".cfg", ".yml", ".yaml", ".lock", ".csv", ".json", ".html", ".sh", ""}
-GENERATED = {"build", "dist", "__pycache__", "results"}
+TEXT_SUFFIXES |= {".ipynb", ".css"}
+GENERATED = {"build", "_build", "dist", "__pycache__", "results"}
 
 
 def modules(*folders: str) -> list[Path]:

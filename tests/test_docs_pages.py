@@ -1,0 +1,251 @@
+"""The pages of docs say what is so: names, tests, figures and columns; and their site builds without a warning."""
+
+from __future__ import annotations
+
+import ast
+import contextlib
+import csv
+import dataclasses
+import importlib
+import io
+import json
+import os
+import re
+import runpy
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import matplotlib
+import pytest
+
+import pss
+from tests.documents import BLOCKS, DOCS, ROOT
+from validate import run_sweep
+
+EQUATIONS_OF_THE_PAPER = 15
+NOTEBOOK = DOCS / "notebook.ipynb"
+# Figures on docs/limits.md are those of these pages, which are generated or describe what was measured once.
+WHERE_FIGURES_ARE_FROM = ("docs/findings.md", "CHANGELOG.md")
+
+
+def page(name: str) -> str:
+    return (DOCS / name).read_text(encoding="utf-8")
+
+
+# ---- equations -------------------------------------------------------------------------------------------------------
+
+
+def exists(name: str) -> bool:
+    """Whether a dotted name is a module, what a module or class has, or a field of a dataclass."""
+    parts = name.split(".")
+    for split in range(len(parts), 0, -1):
+        module = ".".join(parts[:split])
+        try:
+            here: object = importlib.import_module(module)
+        except ModuleNotFoundError:
+            continue
+        for part in parts[split:]:
+            if dataclasses.is_dataclass(here) and part in {field.name for field in dataclasses.fields(here)}:
+                return part == parts[-1]
+            if not hasattr(here, part):
+                return False
+            here = getattr(here, part)
+        return True
+    return False
+
+
+def test_every_equation_has_its_row_once_and_in_order():
+    numbers = re.findall(r"^\| (\d+) \|", page("equations.md"), re.MULTILINE)
+    assert [int(number) for number in numbers] == list(range(1, EQUATIONS_OF_THE_PAPER + 1))
+
+
+def test_the_names_beside_the_equations_exist():
+    names = re.findall(r"`(pss(?:\.\w+)+)`", page("equations.md"))
+    assert len(names) >= EQUATIONS_OF_THE_PAPER
+    assert not [name for name in names if not exists(name)]
+    assert not exists("pss.Evaluation.absent")
+    assert not exists("pss.absent")
+
+
+def test_the_tests_beside_the_equations_exist():
+    rows = [line for line in page("equations.md").splitlines() if re.match(r"\| (\d|4\.)", line)]
+    for row in rows:
+        named = re.findall(r"`tests/(\w+\.py)(?:::(\w+))?`", row)
+        assert named, row
+        for file, name in named:
+            module = ast.parse((ROOT / "tests" / file).read_text(encoding="utf-8"))
+            functions = {node.name for node in module.body if isinstance(node, ast.FunctionDef)}
+            assert not name or name in functions, f"{file}::{name}"
+
+
+# ---- figures and columns ---------------------------------------------------------------------------------------------
+
+
+def test_the_figures_of_the_limits_are_those_that_were_found():
+    """Numbers with an interval or a unit, whole."""
+    figures = re.findall(r"\d[\d.]* \[[^\]]+\](?! ?\()|\d[\d.]* %|\d[\d.]*°", page("limits.md"))
+    source = "\n".join((ROOT / name).read_text(encoding="utf-8") for name in WHERE_FIGURES_ARE_FROM)
+    assert len(figures) >= 8
+    assert not [figure for figure in figures if not re.search(rf"(?<![\d.]){re.escape(figure)}", source)]
+
+
+def test_the_limits_of_detection_are_those_that_were_fitted():
+    limits = tomllib.loads((ROOT / "results/reference/bank/calibrated.toml").read_text(encoding="utf-8"))["limits"]
+    said = " ".join(page("own-room.md").split())
+    assert f"{limits['smallest_module_px']:g} pixels a module" in said
+    assert f"a blur below {limits['largest_blur_modules']:g} modules" in said
+
+
+def test_the_columns_that_the_first_run_names_are_there():
+    for file in ("configurations", "correlation"):
+        (row,) = (line for line in page("first-minutes.md").splitlines() if line.startswith(f"| `{file}.csv`"))
+        with (DOCS / "examples" / "first-run" / f"{file}.csv").open(encoding="utf-8") as opened:
+            columns = next(csv.reader(opened))
+        named = set(re.findall(r"`(\w+)`", row.split("|")[2]))
+        assert named
+        assert named <= set(columns), named - set(columns)
+
+
+def first_lines(rows: list[dict[str, str]]) -> list[tuple[str, str]]:
+    """Noise model and Spearman's ρ of the single frame, as the screen has them, from a run's correlation.csv."""
+    kinds = {"metric": "pss-single-frame", "level": "configuration", "yardstick": "measured_pss_single_frame"}
+    chosen = [row for row in rows if all(row[key] == value for key, value in kinds.items())]
+    ends = ("spearman", "spearman_ci_low", "spearman_ci_high")
+    texts = [tuple(f"{float(row[end]):+.2f}" for end in ends) for row in chosen]
+    return [
+        (row["noise_model"], f"{value} [{low}, {high}]") for row, (value, low, high) in zip(chosen, texts, strict=True)
+    ]
+
+
+def test_the_first_lines_of_the_first_run_are_its_tables():
+    (block,) = (block for block in BLOCKS if block.treatment == "first lines of a run")
+    with (DOCS / "examples" / "first-run" / "correlation.csv").open(encoding="utf-8") as opened:
+        expected = first_lines(list(csv.DictReader(opened)))
+    shown = [[cell.strip() for cell in line.split("│")] for line in block.text.splitlines()[1:]]
+    assert [(cells[2], cells[4]) for cells in shown] == expected
+
+
+def test_the_example_sensor_of_python_is_that_of_toml():
+    (part,) = (block for block in BLOCKS if block.page == "docs/own-sensor.md" and block.language == "toml")
+    (code,) = (block for block in BLOCKS if block.page == "docs/own-sensor.md" and block.language == "python")
+    names: dict[str, object] = {}
+    with contextlib.redirect_stdout(io.StringIO()):
+        exec(compile(code.text, str(code), "exec"), names)
+    table = tomllib.loads(part.text)["sensor"]
+    of_cameras = {"resolution_px", "pixel_pitch_um"}
+    assert dataclasses.asdict(names["sensor"]) == {key: value for key, value in table.items() if key not in of_cameras}
+    rows = re.findall(r"^\| .* \| .* \| `(\w+)` \|", page("own-sensor.md"), re.MULTILINE)
+    assert sorted(rows) == sorted(table)
+
+
+# ---- the notebook ----------------------------------------------------------------------------------------------------
+
+
+def printed(cell: dict) -> str:
+    return "".join("".join(output.get("text", ())) for output in cell["outputs"] if output["output_type"] == "stream")
+
+
+def test_the_notebooks_code_prints_what_is_stored(monkeypatch):
+    """Its cells in order, in this process: a kernel is slower to start than they are to run."""
+    import matplotlib.pyplot as plt
+
+    monkeypatch.chdir(DOCS)
+    monkeypatch.setattr(matplotlib.rcParams, "backend", "agg", raising=False)
+    names: dict[str, object] = {}
+    pictures = 0
+    for number, cell in enumerate(json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]):
+        if cell["cell_type"] != "code":
+            continue
+        said = io.StringIO()
+        with contextlib.redirect_stdout(said):
+            exec(compile("".join(cell["source"]), f"notebook-{number}", "exec"), names)
+        assert said.getvalue() == printed(cell), number
+        stored = sum("image/png" in output.get("data", {}) for output in cell["outputs"])
+        assert len(plt.get_fignums()) == stored, number
+        pictures += stored
+        plt.close("all")
+    assert pictures == 3
+
+
+# ---- the site --------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """The pages of the site by name, built as `make docs` does; every warning is an error."""
+    folder = tmp_path_factory.mktemp("site")
+    options = ["-q", "-W", "--keep-going", "-n", "-d", str(folder / "doctrees")]
+    done = subprocess.run(
+        [sys.executable, "-m", "sphinx", *options, str(DOCS), str(folder / "html")],
+        capture_output=True,
+        text=True,
+        timeout=900,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+    )
+    assert done.returncode == 0, done.stderr
+    return {path.stem: path.read_text(encoding="utf-8") for path in (folder / "html").glob("*.html")}
+
+
+def test_every_page_is_on_the_site_and_in_its_contents(site):
+    pages = {path.stem for path in (*DOCS.glob("*.md"), NOTEBOOK)}
+    assert pages <= site.keys()
+    for name in pages - {"index"}:
+        assert f'href="{name}.html"' in site["index"], name
+
+
+def test_every_public_name_and_every_metric_is_described(site):
+    described = set(re.findall(r'id="pss\.(\w+)"', site["api"]))
+    instances = {name for name in pss.__all__ if not callable(getattr(pss, name))}
+    assert set(pss.__all__) - described <= instances
+    assert instances == {"METRICS", "NOISE_MODELS"}
+    for name in (*pss.METRICS, *pss.NOISE_MODELS):
+        assert re.search(rf">{re.escape(name)}<", site["api"]), name
+
+
+def test_make_docs_builds_as_the_test_does():
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    assert "-m sphinx -q -W --keep-going -n -d docs/_build/doctrees docs docs/_build/html" in makefile
+
+
+# ---- longer ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.acceptance
+def test_the_notebook_runs_in_a_kernel():
+    """As `make notebook` runs it; the text of its outputs is the one stored."""
+    again = runpy.run_path(str(DOCS / "run_notebook.py"))["executed"]()
+    stored = json.loads(NOTEBOOK.read_text(encoding="utf-8"))
+    for one, other in zip(again.cells, stored["cells"], strict=True):
+        if one.cell_type == "code":
+            assert printed(one) == printed(other)
+
+
+RUNS = {
+    "first": (["zoom", "--trials", "5", "--set", "sweep.vary.values=[1, 3, 6]"], "first-run"),
+    "lab": ([str(DOCS / "examples" / "lab-zoom.toml")], "lab-run"),
+}
+
+
+@pytest.mark.acceptance
+@pytest.mark.parametrize("name", RUNS)
+def test_the_runs_of_the_pages_leave_what_the_pages_show(name, tmp_path, monkeypatch):
+    """Rendered anew: files by name, the best step predicted and measured, and PSS within what other noise explains."""
+    monkeypatch.chdir(tmp_path)
+    arguments, stored = RUNS[name]
+    if name == "first":
+        arguments = [*arguments, "--set", "sensor.resolution_px=[640, 480]"]
+    assert run_sweep.main([*arguments, "--out", "results/run", "--store", "store"]) == 0
+    files = set(re.findall(r"^\| `([\w.]+)` \|", page("first-minutes.md"), re.MULTILINE))
+    assert {path.name for path in Path("results/run").iterdir()} == files
+    rows = {}
+    for kind, folder in (("again", Path("results/run")), ("stored", DOCS / "examples" / stored)):
+        with (folder / "configurations.csv").open(encoding="utf-8") as opened:
+            rows[kind] = [row for row in csv.DictReader(opened) if row["noise_model"] == "physical"]
+    for again, before in zip(rows["again"], rows["stored"], strict=True):
+        assert again["value"] == before["value"]
+        # No noise enters the prediction, but light is solved on another machine.
+        assert float(again["pss_single_frame"]) == pytest.approx(float(before["pss_single_frame"]), rel=1e-3)
+        low, high = (float(before[f"measured_pss_ci_{end}"]) for end in ("low", "high"))
+        assert low <= float(again["measured_pss_single_frame"]) <= high
