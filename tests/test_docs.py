@@ -35,7 +35,7 @@ RUN_ELSEWHERE = {"docs/scenes.md": "tests/test_exr.py::test_the_documented_way_t
 # parsed all the same, with its files, up to the point where the work would begin.
 SLOW = {
     "make sweep": "eight to ten minutes; the README's tables are its output",
-    "make lint": "is what runs before these tests",
+    "make .venv/installed": "is what `make test` begins with",
     "make test": "is what runs these tests",
     "make notebook": "test_the_notebook_runs_in_a_kernel of test_docs_pages.py runs it",
     ".venv/bin/python validate/run_sweep.py bank": "half an hour; tests/test_bank.py runs a small one",
