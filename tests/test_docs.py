@@ -190,7 +190,7 @@ def test_every_command_is_run_or_known_to_be_slow():
 
 @pytest.mark.parametrize("line", [line for line in shell_lines() if quick(line)])
 def test_quick_commands_run(line, tmp_path, monkeypatch, capsys):
-    """In a folder of their own, with an empty store; 0, or 2 with one line for runs that a page only gives names to."""
+    """In a folder of their own, with an empty store and empty folders for the runs that are named."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "results" / "store").mkdir(parents=True)
     (tmp_path / "docs").symlink_to(DOCS)

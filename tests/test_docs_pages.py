@@ -17,7 +17,6 @@ import sys
 import tomllib
 from pathlib import Path
 
-import matplotlib
 import pytest
 
 import pss
@@ -152,7 +151,8 @@ def test_the_notebooks_code_prints_what_is_stored(monkeypatch):
     import matplotlib.pyplot as plt
 
     monkeypatch.chdir(DOCS)
-    monkeypatch.setattr(matplotlib.rcParams, "backend", "agg", raising=False)
+    plt.switch_backend("agg")  # no windows, wherever the tests run
+    plt.close("all")
     names: dict[str, object] = {}
     pictures = 0
     for number, cell in enumerate(json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]):
