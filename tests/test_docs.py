@@ -27,7 +27,8 @@ from pss.metric_table import MetricTable
 from pss.metrics import OF_THE_PAPER
 from scenes import load_scene, load_sweep
 from tests.documents import BLOCKS, DOCS, PAGES, ROOT, shell_lines, toml_file
-from validate import run_sweep
+from validate import compare, run_sweep
+from validate.bank import study
 
 # Pages whose Python needs what another test gives it.
 RUN_ELSEWHERE = {"docs/scenes.md": "tests/test_exr.py::test_the_documented_way_to_read_a_view_runs"}
@@ -114,6 +115,15 @@ def test_python_runs_and_prints_what_the_page_says(page, own_metrics, monkeypatc
         if block.output is not None:
             said = [line.rstrip() for line in block.output.splitlines()]
             assert [line.rstrip() for line in printed.getvalue().splitlines()] == said, block
+
+
+def test_the_bank_asks_metrics_of_ones_own(own_metrics, monkeypatch):
+    """docs/own-metric.md: every metric of the table, with the calibrated model; a sweep keeps to four."""
+    monkeypatch.setattr(study, "METRICS", own_metrics)
+    assert {("calibrated", name) for name in own_metrics} <= set(study.asked_pairs())
+    assert "share-within-5-mm" in own_metrics
+    assert len(compare.COMPARED) == 4
+    assert "pss" in compare.COMPARED
 
 
 def test_python_that_runs_elsewhere_does():
