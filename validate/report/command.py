@@ -1,0 +1,189 @@
+"""`run_sweep.py report`: make the report of a finished run again, from its tables and the store."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+from pss import Evaluation
+from render import backend, glow
+from render.sampling import Sampling
+from render.view import state_key
+from scenes import load_scene, load_sweep
+from validate.acquire import Acquisition, baked
+from validate.assess import predict
+from validate.expose import with_exposures
+from validate.measure import ViewMeasurement, load_measurement
+from validate.remote_store import open_store
+from validate.report.data import read_sweeps
+from validate.report.images import pictures_of
+from validate.report.model_file import write_models
+from validate.report.page import Section, html_of, section_of
+from validate.report.steps import steps_of_plan
+from validate.store import Store, StoreError, write_text
+from validate.sweep import Plan, SweepResult, plan
+
+__all__ = ["REPORT", "SweepForReport", "main", "of_results", "remade", "source_of_report", "write_report"]
+
+REPORT = "report.html"
+
+
+@dataclass(frozen=True, eq=False)
+class SweepForReport:
+    """A sweep with what the tables do not have: predictions by step and noise model, and detections by view."""
+
+    plan: Plan
+    labels: tuple[str, ...]
+    predictions: tuple[Mapping[str, Evaluation], ...]
+    measured: Mapping[Acquisition, ViewMeasurement]
+
+
+def of_results(
+    results: Sequence[SweepResult], measured: Mapping[Acquisition, ViewMeasurement]
+) -> list[SweepForReport]:
+    """Those sweeps of a run that have a configuration to show."""
+    return [
+        SweepForReport(
+            result.plan,
+            tuple(configuration.label for configuration in result.configurations),
+            tuple(assessment.predicted for assessment in result.assessments),
+            measured,
+        )
+        for result in results
+        if result.assessments
+    ]
+
+
+def write_report(folder: Path, sweeps: Sequence[SweepForReport], store: Store) -> Path:
+    """Write `report.html` and the scene as glTF into a run's folder, from its tables; the report's path.
+
+    Raises:
+        StoreError: a table is missing or is of other sweeps, or the folder cannot be written.
+        DamagedViewError: a view is not in the store, or was found damaged and set aside.
+    """
+    tables = {table.name: table for table in read_sweeps(folder)}
+    sections: list[Section] = []
+    for sweep in sweeps:
+        name = sweep.plan.sweep.name
+        if name not in tables or tables[name].labels != sweep.labels:
+            raise StoreError(f"{folder}/configurations.csv has other steps than the sweep {name}; run the sweep again")
+        steps = steps_of_plan(sweep.plan, sweep.labels, sweep.predictions, sweep.measured)
+        sections.append(section_of(tables[name], sweep.plan.sweep.title, steps))
+    every_step = [step for section in sections for step in section.steps]
+    pictures = pictures_of(every_step, [crop for section in sections for crop in section.crops], store)
+    path = folder / REPORT
+    write_text(path, html_of(sections, pictures, _about(sweeps)))
+    write_models(folder, sections)
+    return path
+
+
+def _about(sweeps: Sequence[SweepForReport]) -> dict[str, str]:
+    first = sweeps[0].plan
+    return {
+        "sweeps": ", ".join(sweep.plan.sweep.name for sweep in sweeps),
+        "scene": first.scene.path.name,
+        "trials of each view": str(first.sweep.trials),
+        "seed": str(first.sweep.seed),
+        "renderer": next((item.request.renderer for views in first.views for item in views), "none"),
+    }
+
+
+def source_of_report(figures_drawn_from: str) -> str:
+    """Hash of all that a report shows, beside what a run's figures show: the code that makes it."""
+    digest = hashlib.sha256(f"{figures_drawn_from} plotly {version('plotly')}".encode())
+    here = Path(__file__).parent
+    for path in sorted([*here.glob("*.py"), *(here / "templates").iterdir()]):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:24]
+
+
+def remade(folder: Path, store_name: str | None = None) -> Path:
+    """The report of a finished run, made again.
+
+    Raises:
+        StoreError: the folder is not that of a run, its files have changed since, or the store lacks what it used.
+    """
+    said = _run_of(folder)
+    options = {name: None if value == "None" else value for name, value in said["options"].items()}
+    store = open_store(store_name or options["store"])
+    chosen = backend.choose(options["variant"])
+    overrides = list(ast.literal_eval(options["set"]))
+    overrides += [f"sweep.{name}={options[name]}" for name in ("trials", "seed") if options[name] is not None]
+    outside = options.get("allow_outside") == "True"
+    loaded = []
+    for name in ast.literal_eval(options["sweeps"]):
+        sweep = load_sweep(name, overrides, allow_outside=outside)
+        loaded.append((sweep, load_scene(options["scene"] or sweep.scene_path, overrides, allow_outside=outside)))
+    sweeps = []
+    tables = {table.name: table for table in read_sweeps(folder)}
+    for sweep, scene in with_exposures(loaded, store, lambda line: None, lambda line: None, chosen):
+        if sweep.resolved() != said["sweeps"].get(sweep.name) or scene.resolved() != said["scenes"].get(sweep.name):
+            raise StoreError(
+                f"{sweep.path} or {scene.path} has changed since the run in {folder}; allowed: the files that it was "
+                "made of, or a new run"
+            )
+        made = plan(sweep, scene, chosen.identity, Sampling(noise_ratio=sweep.render_noise_ratio))
+        if sweep.name in tables:
+            sweeps.append(_from_store(made, tables[sweep.name].labels, store, chosen))
+    return write_report(folder, sweeps, store)
+
+
+def _run_of(folder: Path) -> dict[str, Any]:
+    try:
+        said = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+        if all(isinstance(said[name], dict) for name in ("options", "sweeps", "scenes")):
+            return dict(said)
+    except (OSError, ValueError, KeyError, TypeError):
+        pass
+    raise StoreError(f"{folder} has no run.json of a run of sweeps; allowed: a folder that run_sweep.py SWEEP… has left")
+
+
+def _from_store(made: Plan, labels: tuple[str, ...], store: Store, chosen: backend.Backend) -> SweepForReport:
+    measured: dict[Acquisition, ViewMeasurement] = {}
+    predictions = []
+    looks: dict[str, Any] = {}
+    for configuration, wanted in zip(made.configurations, made.views, strict=True):
+        if configuration.label not in labels:
+            continue
+        for item in wanted:
+            task = item.task(store)
+            found = load_measurement(task) if store.fetch(task.path) else None
+            if found is None:
+                raise StoreError(
+                    f"view {item.request.key} is not measured in the store {store.folder}; run the sweep again"
+                )
+            measured[item] = found
+        state = configuration.scene.state
+        key = state_key(state)
+        if key not in looks:
+            looks[key] = glow.appearance(state, baked(state, store, chosen))
+        predictions.append(predict(configuration.scene, configuration.cameras, looks[key]))
+    return SweepForReport(made, labels, tuple(predictions), measured)
+
+
+def run(
+    folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FOLDER")],
+    /,
+    store: Annotated[str | None, tyro.conf.arg(metavar="DIR")] = None,
+) -> int:
+    """Make report.html and scene.glb of a finished run again, from its CSV files and the store.
+
+    Args:
+        folder: results that `run_sweep.py SWEEP…` has left.
+        store: folder of rendered views and measurements (default: the run's own).
+    """
+    print(remade(folder, store))
+    return 0
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Parse the command line and run it."""
+    return int(tyro.cli(run, prog="run_sweep.py report", args=list(arguments)))

@@ -1,0 +1,213 @@
+"""The rows of a run's CSV files as arrays, a table for each sweep: all numbers of a report but the poses and pixels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from validate.findings.tables import Row, all_of, read_tables
+from validate.store import StoreError
+
+__all__ = ["KINDS", "Curve", "Kind", "SweepTable", "read_sweeps"]
+
+Floats = NDArray[np.float64]
+
+NEEDED = ("configurations", "points", "correlation", "claims", "detection", "views")
+MM = 1000.0
+
+
+@dataclass(frozen=True)
+class Kind:
+    """Columns of what is set beside each other: one frame triangulated, or the filter."""
+
+    name: str
+    words: str
+    metric: str
+    yardstick: str
+    pss: str
+    measured_pss: str
+    sigma: str
+    measured_sigma: str
+    symbol: str
+    measured_symbol: str
+
+
+KINDS = (
+    Kind(
+        "single",
+        "single frame",
+        "pss-single-frame",
+        "measured_pss_single_frame",
+        "pss_single_frame",
+        "measured_pss_single_frame",
+        "single_frame_sigma_m",
+        "measured_sigma_m",
+        "√λmax of C",
+        "√λmax of the triangulation errors",
+    ),
+    Kind(
+        "filter",
+        "filter",
+        "pss",
+        "measured_pss_filter",
+        "pss",
+        "measured_pss_filter",
+        "sigma_inf_m",
+        "measured_filter_sigma_m",
+        "σ∞",
+        "√λmax of the filter's errors",
+    ),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """PSS over a sweep's S steps, in 1/m; the ends of the 95 % interval are nan where it has none."""
+
+    values: Floats
+    low: Floats
+    high: Floats
+
+    @property
+    def best(self) -> int:
+        """The step of the highest."""
+        return int(np.argmax(self.values))
+
+
+@dataclass(frozen=True, eq=False)
+class SweepTable:
+    """One sweep's rows.
+
+    Attributes:
+        labels, values: of the S steps, as the tables have them.
+        models: names of the noise models.
+        steps: by noise model and column, (S,).
+        points: by noise model and column, (S, N).
+        point_ids, objects: of the N points, in the tables' order.
+        correlation, claims: the sweep's rows.
+        detection: markers over views: `visible_detected`, `visible_missed`, `hidden_detected`, `hidden_missed`.
+    """
+
+    name: str
+    parameter: str
+    labels: tuple[str, ...]
+    values: tuple[str, ...]
+    camera_names: tuple[tuple[str, ...], ...]
+    models: tuple[str, ...]
+    steps: dict[str, dict[str, Floats]]
+    points: dict[str, dict[str, Floats]]
+    point_ids: tuple[int, ...]
+    objects: tuple[str, ...]
+    correlation: tuple[Row, ...]
+    claims: tuple[Row, ...]
+    detection: dict[str, int]
+
+    @property
+    def numeric(self) -> bool:
+        """Whether the steps lie along a number."""
+        return all(_is_number(value) for value in self.values)
+
+    @property
+    def leading_model(self) -> str:
+        """The noise model that the report begins with: the physical one, which fits nothing, else the last."""
+        return "physical" if "physical" in self.models else self.models[-1]
+
+    def predicted_pss(self, model: str, kind: Kind) -> Curve:
+        """1/m, predicted by a noise model."""
+        values = self.steps[model][kind.pss]
+        return Curve(values, np.full_like(values, np.nan), np.full_like(values, np.nan))
+
+    def measured_pss(self, kind: Kind) -> Curve:
+        """1/m, measured; the single-frame kind has an interval."""
+        columns = self.steps[self.models[0]]
+        values = columns[kind.measured_pss]
+        if kind.name != "single":
+            return Curve(values, np.full_like(values, np.nan), np.full_like(values, np.nan))
+        return Curve(values, columns["measured_pss_ci_low"], columns["measured_pss_ci_high"])
+
+    def predicted_mm(self, model: str, kind: Kind) -> Floats:
+        """Millimetres, predicted σ of each point at each step, (S, N); nan where it is not observable."""
+        return self.points[model][kind.sigma] * MM
+
+    def measured_mm(self, kind: Kind) -> Floats:
+        """Millimetres, measured σ of each point at each step, (S, N); nan where it was never triangulated."""
+        return self.points[self.models[0]][kind.measured_sigma] * MM
+
+    def nees_share(self, model: str | None) -> Floats:
+        """NEES/3, (S, N): 1 where the covariance is right. Of a noise model, or (None) of what detections claim."""
+        if model is None:
+            return self.points[self.models[0]]["nees_detections"] / 3
+        return self.points[model]["nees"] / 3
+
+    def correlation_of(self, model: str, kind: Kind) -> Row | None:
+        """The row of a noise model's PSS with the measured PSS of the same kind, over the steps."""
+        found = all_of(
+            self.correlation, metric=kind.metric, noise_model=model, level="configuration", yardstick=kind.yardstick
+        )
+        return found[0] if found else None
+
+
+def read_sweeps(folder: Path) -> list[SweepTable]:
+    """The sweeps of a run, from the CSV files in its folder, in the order of the tables.
+
+    Raises:
+        StoreError: a table is missing, or holds no row of a configuration.
+    """
+    tables = read_tables(folder)
+    missing = [f"{name}.csv" for name in NEEDED if name not in tables]
+    if missing:
+        raise StoreError(f"{folder} has no {', '.join(missing)}; allowed is a folder that a run of sweeps has left")
+    names = dict.fromkeys(row["sweep"] for row in tables["configurations"])
+    if not names:
+        raise StoreError(f"{folder}/configurations.csv has no row; allowed is a run with a configuration that was seen")
+    return [_sweep(name, {table: _of_sweep(rows, name) for table, rows in tables.items()}) for name in names]
+
+
+def _of_sweep(rows: Sequence[Row], name: str) -> list[Row]:
+    return [row for row in rows if row.get("sweep") == name]
+
+
+def _sweep(name: str, tables: dict[str, list[Row]]) -> SweepTable:
+    rows = tables["configurations"]
+    models = tuple(dict.fromkeys(row["noise_model"] for row in rows))
+    first = all_of(rows, noise_model=models[0])
+    points = {model: all_of(tables["points"], noise_model=model) for model in models}
+    count = len(points[models[0]]) // len(first)
+    of_first_step = points[models[0]][:count]
+    return SweepTable(
+        name=name,
+        parameter=first[0]["parameter"],
+        labels=tuple(row["configuration"] for row in first),
+        values=tuple(row["value"] for row in first),
+        camera_names=tuple(tuple(row["camera_names"].split()) for row in first),
+        models=models,
+        steps={model: _columns(all_of(rows, noise_model=model), (len(first),)) for model in models},
+        points={model: _columns(points[model], (len(first), count)) for model in models},
+        point_ids=tuple(int(row["point"]) for row in of_first_step),
+        objects=tuple(row["object"] for row in of_first_step),
+        correlation=tuple(tables["correlation"]),
+        claims=tuple(tables["claims"]),
+        detection={key: int(value) for key, value in tables["detection"][0].items() if key != "sweep"},
+    )
+
+
+def _columns(rows: Sequence[Row], shape: tuple[int, ...]) -> dict[str, Floats]:
+    """The columns of numbers; an empty field is nan."""
+    columns = {}
+    for key in rows[0]:
+        fields = [row[key] for row in rows]
+        if all(not field or _is_number(field) for field in fields):
+            columns[key] = np.array([float(field) if field else np.nan for field in fields]).reshape(shape)
+    return columns
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,79 @@
+"""A run's scene as glTF, for viewers of 3D models: `scene.glb` of the first sweep, `scene_NAME.glb` of each other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from render.geometry import plate_corners
+from validate.report.data import KINDS
+from validate.report.frusta import frustum, room_corners
+from validate.report.page import Section
+from validate.report.scene3d import PLATE_MODULES, object_meshes
+from validate.report.shades import plate_colours
+from validate.store import atomic_path
+
+__all__ = ["model_of", "write_models"]
+
+# glTF's y is up; ours is z.
+UP = trimesh.transformations.rotation_matrix(-np.pi / 2, (1, 0, 0))
+# Plates stand this far before what they are glued to, so that viewers can tell them apart.
+LIFT_M = 0.004
+FLOOR, OBJECTS = (230, 226, 218, 255), (205, 205, 205, 255)
+VARIED, FIXED = (213, 94, 0, 255), (0, 114, 178, 255)
+
+
+def write_models(folder: Path, sections: Sequence[Section]) -> list[Path]:
+    """Write the scene of each section at the step that the leading noise model finds best."""
+    written = []
+    for number, section in enumerate(sections):
+        path = folder / ("scene.glb" if number == 0 else f"scene_{section.table.name}.glb")
+        best = section.table.predicted_pss(section.table.leading_model, KINDS[0]).best
+        data = model_of(section, best).export(file_type="glb")
+        with atomic_path(path, needed_bytes=len(data)) as temporary:
+            temporary.write_bytes(data)
+        written.append(path)
+    return written
+
+
+def model_of(section: Section, step_number: int) -> trimesh.Scene:
+    """Floor, objects, markers coloured by predicted σ (single frame, leading noise model), cameras and frusta."""
+    step = section.steps[step_number]
+    room, scene = step.state.room, trimesh.Scene()
+    low, high = room_corners(room)
+    floor = np.array([[low[0], low[1], 0], [high[0], low[1], 0], [high[0], high[1], 0], [low[0], high[1], 0]])
+    scene.add_geometry(_mesh(floor, [[0, 1, 2], [0, 2, 3]], FLOOR), node_name="floor", geom_name="floor")
+    vertices, faces = object_meshes(step.state)
+    if len(faces):
+        scene.add_geometry(_mesh(vertices, faces, OBJECTS), node_name="objects", geom_name="objects")
+    colours = plate_colours(section.table, step_number, KINDS[0].name, section.table.leading_model)
+    for marker, colour in zip(step.state.markers, colours, strict=True):
+        corners = plate_corners(marker, PLATE_MODULES) + LIFT_M * np.array(marker.normal)
+        # Corners run clockwise for who looks at the print.
+        name = f"marker {marker.id} on {marker.object_name}"
+        scene.add_geometry(_mesh(corners, [[2, 1, 0], [3, 2, 0]], colour), node_name=name, geom_name=name)
+    for camera, varied in zip(step.cameras, step.varied, strict=True):
+        field, colour = frustum(camera, room), VARIED if varied else FIXED
+        body = trimesh.creation.icosphere(subdivisions=2, radius=0.06)
+        body.apply_translation(field.apex)
+        body.visual.vertex_colors = np.array(colour, dtype=np.uint8)
+        scene.add_geometry(body, node_name=f"camera {camera.name}", geom_name=f"camera {camera.name}")
+        lines = [[field.apex, end] for end in field.ends]
+        lines += [[field.ends[n], field.ends[(n + 1) % 4]] for n in range(4)]
+        edges = trimesh.load_path(np.array(lines))
+        edges.colors = np.tile(np.array(colour, dtype=np.uint8), (len(edges.entities), 1))
+        scene.add_geometry(edges, node_name=f"field of view {camera.name}", geom_name=f"field of view {camera.name}")
+    scene.apply_transform(UP)
+    return scene
+
+
+def _mesh(
+    vertices: NDArray[np.float64], faces: Sequence[Sequence[int]] | NDArray[np.int64], colour: tuple[int, ...]
+) -> trimesh.Trimesh:
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    mesh.visual.vertex_colors = np.array(colour, dtype=np.uint8)
+    return mesh

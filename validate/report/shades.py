@@ -1,0 +1,113 @@
+"""What markers in space are coloured by: scales that hold over a whole sweep, and the shade of each marker at a step."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from validate.report.data import KINDS, SweepTable
+from validate.report.style import PURPLE_ORANGE
+from validate.report.traces import Columns, plain
+
+__all__ = ["VIRIDIS", "plate_colours", "scales", "shades"]
+
+Floats = NDArray[np.float64]
+
+# Decades that a scale of ratios shows at least on each side of 1.
+LEAST_DECADES = 0.3
+# Of a scale's length, at its lower end: markers that are not known.
+GREY_SHARE = 0.06
+UNKNOWN_GREY = "#b3b3b3"
+# From low to high error: light to dark.
+VIRIDIS = ((0.0, "#fde725"), (0.25, "#5ec962"), (0.5, "#21918c"), (0.75, "#3b528b"), (1.0, "#440154"))
+
+
+def scales(table: SweepTable) -> Columns:
+    """Scales of colour, the same at every step."""
+    grey = [[0, UNKNOWN_GREY], [GREY_SHARE - 1e-6, UNKNOWN_GREY]]
+
+    def beside(scale: Sequence[Sequence[Any]]) -> list[list[Any]]:
+        return grey + [[GREY_SHARE + (1 - GREY_SHARE) * at, colour] for at, colour in scale]
+
+    columns: Columns = {"scale|predicted": beside(VIRIDIS), "scale|measured": beside(VIRIDIS),
+                        "scale|ratio": beside(PURPLE_ORANGE)}  # fmt: skip
+    for kind in KINDS:
+        columns[f"bar|predicted|{kind.name}"] = f"predicted {kind.symbol} in mm"
+        columns[f"bar|measured|{kind.name}"] = "measured √λmax in mm"
+        columns[f"bar|ratio|{kind.name}"] = "measured / predicted"
+        for model in table.models:
+            for colour, values in _coloured(table, kind.name, model).items():
+                low, high = _ends(values, colour == "ratio")
+                bottom = low - (high - low) * GREY_SHARE / (1 - GREY_SHARE)
+                ticks = _ticks(low, high)
+                name = f"{colour}|{kind.name}|{model}"
+                columns[f"low|{name}"], columns[f"high|{name}"] = round(bottom, 4), round(high, 4)
+                columns[f"ticks|{name}"] = [round((bottom + low) / 2, 4), *plain(np.log10(ticks))]
+                columns[f"ticktexts|{name}"] = ["unknown", *(f"{tick:g}" for tick in ticks)]
+    return columns
+
+
+def _coloured(table: SweepTable, kind_name: str, model: str) -> dict[str, Floats]:
+    """log10 of what markers are coloured by, (S, N)."""
+    kind = next(kind for kind in KINDS if kind.name == kind_name)
+    predicted, measured = np.log10(table.predicted_mm(model, kind)), np.log10(table.measured_mm(kind))
+    return {"predicted": predicted, "measured": measured, "ratio": measured - predicted}
+
+
+def _ends(values: Floats, symmetric: bool) -> tuple[float, float]:
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return -1.0, 1.0
+    low, high = (float(end) for end in np.percentile(known, (2, 98)))
+    if symmetric:
+        most = max(-low, high, LEAST_DECADES)
+        return -most, most
+    middle = (low + high) / 2
+    return min(low, middle - LEAST_DECADES / 2), max(high, middle + LEAST_DECADES / 2)
+
+
+def _ticks(low: float, high: float) -> list[float]:
+    """Round numbers between two powers of ten, a handful."""
+    steps = (1, 2, 5) if high - low < 2.5 else (1,)
+    every = [digit * 10.0**power for power in range(int(np.floor(low)), int(np.ceil(high)) + 1) for digit in steps]
+    inside = [tick for tick in every if 10**low * 0.999 <= tick <= 10**high * 1.001]
+    return inside or [float(f"{10 ** ((low + high) / 2):.2g}")]
+
+
+def shades(table: SweepTable, step: int, kind: str, model: str) -> Columns:
+    """The markers' shades, signs and words at a step."""
+    columns: Columns = {}
+    coloured = _coloured(table, kind, model)
+    for colour, values in coloured.items():
+        low, high = _ends(values, colour == "ratio")
+        bottom = low - (high - low) * GREY_SHARE / (1 - GREY_SHARE)
+        row = np.where(np.isfinite(values[step]), np.clip(values[step], low, high), bottom)
+        columns[f"shade|{colour}|{kind}|{model}"] = np.repeat(np.round(row, 3), 2).tolist()
+    predicted, measured = 10 ** coloured["predicted"][step], 10 ** coloured["measured"][step]
+    columns[f"signs|{kind}|{model}"] = ["circle" if known else "x" for known in np.isfinite(predicted)]
+    columns[f"said|{kind}|{model}"] = [
+        f"marker {point} on {name}<br>predicted {_mm(p)}, measured {_mm(m)}"
+        for point, name, p, m in zip(table.point_ids, table.objects, predicted, measured, strict=True)
+    ]
+    return columns
+
+
+def _mm(value: float) -> str:
+    return f"{value:.3g} mm" if np.isfinite(value) else "unknown"
+
+
+def plate_colours(table: SweepTable, step: int, kind: str, model: str) -> list[tuple[int, ...]]:
+    """Red, green, blue and opacity (0 to 255) of each marker by its predicted σ, grey where that is not known."""
+    columns = scales(table)
+    name = f"predicted|{kind}|{model}"
+    low, high = columns[f"low|{name}"], columns[f"high|{name}"]
+    shade = np.array(shades(table, step, kind, model)[f"shade|{name}"][::2])
+    scale = columns["scale|predicted"]
+    at = [float(stop) for stop, _ in scale]
+    rgb = np.array([[int(colour[n : n + 2], 16) for n in (1, 3, 5)] for _, colour in scale])
+    share = np.clip((shade - low) / (high - low), 0, 1)
+    mixed = np.column_stack([np.interp(share, at, rgb[:, channel]) for channel in range(3)])
+    return [(*(int(round(value)) for value in row), 255) for row in mixed]

@@ -1,0 +1,52 @@
+"""Colours, symbols and layouts that the figures of a report share: legible in print and without colour vision."""
+
+from __future__ import annotations
+
+from typing import Any
+
+__all__ = [
+    "GREY",
+    "INK",
+    "PURPLE_ORANGE",
+    "SCALE",
+    "layout",
+    "model_style",
+    "object_styles",
+]
+
+INK, GREY, GRID = "#1a1a1a", "#8a8a8a", "#e4e4e4"
+# Okabe and Ito, each with a symbol and a dash of its own.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
+SYMBOLS = ("square", "diamond", "triangle-up", "cross", "triangle-down", "x")
+DASHES = ("dash", "dot", "dashdot", "longdash", "longdashdot", "dash")
+SCALE = "Viridis"
+# Light in the middle, dark at both ends, and told apart by all kinds of colour vision (ColorBrewer's PuOr).
+PURPLE_ORANGE = [[0, "#2d004b"], [0.25, "#8073ac"], [0.5, "#f0f0f0"], [0.75, "#e08214"], [1, "#7f3b08"]]
+FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', sans-serif"
+
+
+def model_style(number: int) -> tuple[str, str, str]:
+    """Colour, symbol and dash of a noise model."""
+    return COLOURS[number % len(COLOURS)], SYMBOLS[number % len(SYMBOLS)], DASHES[number % len(DASHES)]
+
+
+def object_styles(objects: tuple[str, ...]) -> dict[str, tuple[str, str]]:
+    """Colour and symbol of each object that carries markers."""
+    names = list(dict.fromkeys(objects))
+    return {name: (COLOURS[n % len(COLOURS)], ("circle", *SYMBOLS)[n % 7]) for n, name in enumerate(names)}
+
+
+def layout(x: dict[str, Any], y: dict[str, Any], **more: Any) -> dict[str, Any]:
+    """A plain layout: no box, a light grid, the legend above."""
+    axis = {"gridcolor": GRID, "linecolor": GREY, "zerolinecolor": GRID, "ticks": "outside", "automargin": True}
+    return {
+        "font": {"family": FONT, "size": 13, "color": INK},
+        "paper_bgcolor": "white",
+        "plot_bgcolor": "white",
+        "margin": {"l": 60, "r": 16, "t": 8, "b": 48},
+        "legend": {"orientation": "h", "yanchor": "bottom", "y": 1.02, "x": 0, "font": {"size": 12}},
+        "hoverlabel": {"bgcolor": "white", "font": {"color": INK, "family": FONT}},
+        "xaxis": axis | x,
+        "yaxis": axis | y,
+        **more,
+    }

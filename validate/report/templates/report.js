@@ -1,0 +1,305 @@
+"use strict";
+(() => {
+  const data = JSON.parse(document.getElementById("data").textContent);
+  const NARROW_PX = 520;
+  // Three degrees of freedom, 95 %: the ellipsoid's half axes in standard deviations.
+  const ELLIPSOID = 2.7955;
+  const ELLIPSOID_M = 0.35;
+  const ERROR_SHARE = 0.03;
+  const CONFIG = { displaylogo: false, responsive: true, modeBarButtonsToRemove: ["lasso2d", "select2d", "autoScale2d"] };
+
+  // ---- columns ----------------------------------------------------------------------------------------------------
+
+  /** The value of a column at a step: of the figure, or of the last step that said it anew. */
+  function column(sweep, figure, step, name) {
+    if (name in figure.columns) return figure.columns[name];
+    for (let i = step; i >= 0; i--) if (name in sweep.steps[i]) return sweep.steps[i][name];
+    throw new Error("no column " + name);
+  }
+
+  function filled(value, look, chosen) {
+    if (Array.isArray(value)) return value.length && typeof value[0] === "object" ? value.map((v) => filled(v, look, chosen)) : value;
+    if (value === null || typeof value !== "object") return value;
+    if ("$" in value) return look(value.$.replace(/\{(\w+)\}/g, (_, name) => chosen[name]));
+    return Object.fromEntries(Object.entries(value).map(([key, item]) => [key, filled(item, look, chosen)]));
+  }
+
+  // ---- one sweep --------------------------------------------------------------------------------------------------
+
+  class Sweep {
+    constructor(section) {
+      this.section = section;
+      this.data = data.sweeps[Number(section.dataset.sweep)];
+      this.step = this.data.first;
+      this.shared = {};
+      this.marker = null;
+      this.slider = section.querySelector("[data-step]");
+      this.plots = this.data.figures.map((figure) => new Plot(this, figure));
+      this.pictures = new Pictures(this);
+      section.querySelectorAll('select[data-scope="sweep"]').forEach((select) => {
+        this.shared[select.dataset.choice] = select.value;
+        select.addEventListener("change", () => {
+          this.shared[select.dataset.choice] = select.value;
+          this.changed();
+        });
+      });
+      this.slider.addEventListener("input", () => this.go(Number(this.slider.value)));
+      section.querySelectorAll("[data-go]").forEach((button) =>
+        button.addEventListener("click", () => this.go(this.step + Number(button.dataset.go))));
+      this.go(this.step);
+    }
+    go(step) {
+      this.step = Math.min(Math.max(step, 0), this.data.steps.length - 1);
+      this.slider.value = this.step;
+      this.slider.setAttribute("aria-valuetext", this.data.labels[this.step]);
+      this.section.querySelector("[data-label]").textContent = this.data.labels[this.step];
+      this.changed();
+    }
+    changed() {
+      this.plots.forEach((plot) => plot.stale());
+      this.pictures.stale();
+    }
+    at(name) { return column(this.data, { columns: {} }, this.step, name); }
+  }
+
+  // ---- figures ----------------------------------------------------------------------------------------------------
+
+  const watcher = new IntersectionObserver((entries) => entries.forEach((entry) => {
+    entry.target.owner.seen = entry.isIntersecting;
+    if (entry.isIntersecting) entry.target.owner.refresh();
+  }), { rootMargin: "300px" });
+
+  class Plot {
+    constructor(sweep, figure) {
+      this.sweep = sweep;
+      this.figure = figure;
+      this.root = sweep.section.querySelector(`[data-figure="${figure.id}"]`);
+      this.div = this.root.querySelector(".plot");
+      this.own = {};
+      this.dirty = true;
+      this.drawn = false;
+      this.root.querySelectorAll(`select[data-scope="${figure.id}"]`).forEach((select) => {
+        this.own[select.dataset.choice] = select.value;
+        select.addEventListener("change", () => { this.own[select.dataset.choice] = select.value; this.stale(); });
+      });
+      if (figure.id === "scene") this.scene();
+      this.root.owner = this;
+      watcher.observe(this.root);
+    }
+    scene() {
+      this.layers = new Set();
+      this.root.querySelectorAll("[data-layer]").forEach((box) => {
+        const note = () => this.layers[box.checked ? "add" : "delete"](box.dataset.layer);
+        note();
+        box.addEventListener("change", () => { note(); this.stale(); });
+      });
+      this.list = this.root.querySelector("[data-marker]");
+      this.list.addEventListener("change", () => this.pick(this.list.value === "" ? null : Number(this.list.value)));
+    }
+    pick(marker) {
+      this.sweep.marker = marker;
+      this.list.value = marker === null ? "" : String(marker);
+      this.stale();
+    }
+    stale() {
+      this.dirty = true;
+      if (this.seen && !this.waiting) {
+        this.waiting = true;
+        requestAnimationFrame(() => { this.waiting = false; this.refresh(); });
+      }
+    }
+    refresh() {
+      if (!this.dirty) return;
+      this.dirty = false;
+      const chosen = { ...this.sweep.shared, ...this.own };
+      const look = (name) => column(this.sweep.data, this.figure, this.sweep.step, name);
+      let traces = this.figure.traces
+        .filter((t) => Object.entries(t.when || {}).every(([name, value]) => chosen[name] === value))
+        .map(({ when, ...trace }) => filled(trace, look, chosen));
+      const layout = filled(this.figure.layout, look, chosen);
+      if (this.figure.id === "scene") traces = this.inSpace(traces, chosen);
+      const narrow = this.div.clientWidth < NARROW_PX;
+      layout.height = narrow ? Math.round(Math.min(this.figure.height, 1.05 * this.div.clientWidth + 60)) : this.figure.height;
+      this.div.style.minHeight = layout.height + "px";
+      layout.autosize = true;
+      if (narrow) this.forNarrow(layout, traces);
+      try {
+        Plotly.react(this.div, traces, layout, CONFIG);
+      } catch (error) {
+        this.div.innerHTML = '<p class="nogl">This browser draws no 3D figures; the tables have the numbers.</p>';
+      }
+      if (!this.drawn && this.figure.id === "scene")
+        this.div.on("plotly_click", (event) => {
+          const point = event.points[0];
+          if (point.data.meta && point.data.meta.pick) this.pick(point.pointNumber);
+        });
+      this.drawn = true;
+      const words = Object.values(chosen).join(", ");
+      this.div.setAttribute("aria-label", `${this.figure.alt} Shown: ${this.sweep.data.labels[this.sweep.step]}, ${words}.`);
+    }
+    forNarrow(layout, traces) {
+      layout.font = { ...(layout.font || {}), size: 11 };
+      if (layout.margin && layout.margin.l) layout.margin = { ...layout.margin, l: 44, r: 8 };
+      if (layout.legend) layout.legend = { ...layout.legend, font: { size: 10.5 } };
+      for (const trace of traces) {
+        const owner = trace.colorbar ? trace : trace.marker && trace.marker.colorbar ? trace.marker : null;
+        if (owner) owner.colorbar = { ...owner.colorbar, orientation: "h", y: -0.02, yanchor: "top", len: 0.9, thickness: 10,
+          title: { ...owner.colorbar.title, side: "top" } };
+      }
+      if (this.figure.id === "scene") { layout.margin = { l: 0, r: 0, t: 0, b: 60 }; layout.showlegend = false; }
+    }
+
+    // ---- the scene in space ---------------------------------------------------------------------------------------
+
+    inSpace(traces, chosen) {
+      const at = (name) => this.sweep.at(name);
+      const kept = traces.filter((t) => {
+        const layer = t.meta && t.meta.layer;
+        return !["frusta", "planes", "objects"].includes(layer) || this.layers.has(layer);
+      });
+      const said = this.root.querySelector("[data-said]");
+      const marker = this.sweep.marker;
+      const centres = ["x", "y", "z"].map((axis) => at("centres_" + axis));
+      const centre = (n) => centres.map((values) => values[n]);
+      if (this.layers.has("sight")) kept.push(this.lines(at, centre, centres[0].map((_, n) => n), 1, "rgba(60,60,60,0.25)"));
+      if (marker === null || marker >= centres[0].length) {
+        said.textContent = "No marker is chosen.";
+        return kept;
+      }
+      kept.push(this.lines(at, centre, [marker], 5, "#111111"));
+      const names = at("camera_names"), should = at("should_see"), rate = at("found_rate");
+      const seeing = names.filter((_, c) => should[c][marker] === "1");
+      const found = names.map((name, c) => [name, rate[c][marker]]).filter(([, r]) => r > 0);
+      let words = at(`said|${chosen.kind}|${chosen.model}`)[marker].replace("<br>", ": ") + ". ";
+      words += seeing.length ? `Should be seen by camera${seeing.length > 1 ? "s" : ""} ${seeing.join(", ")}; ` : "No camera should see it; ";
+      words += found.length ? "found by " + found.map(([n, r]) => `${n} (${Math.round(100 * r)} % of trials)`).join(", ") + ". " : "found by none. ";
+      const root = at(`root|${chosen.kind}|${chosen.model}`)[marker];
+      if (root[0] === null) words += "Not observable: there is no ellipsoid.";
+      else {
+        const size = ELLIPSOID * Math.hypot(...root) / 1000;
+        const wanted = ELLIPSOID_M / size, power = 10 ** Math.floor(Math.log10(wanted));
+        const times = power * [5, 2, 1].find((digit) => digit * power <= wanted * 1.0001);
+        kept.push(ellipsoid(centre(marker), root, times));
+        words += `Its predicted 95 % ellipsoid is drawn ${times.toLocaleString("en")} times as large.`;
+      }
+      said.textContent = words;
+      return kept;
+    }
+    lines(at, centre, markers, width, colour) {
+      const places = at("camera_places"), should = at("should_see"), axes = [[], [], []];
+      places.forEach((place, c) => markers.forEach((n) => {
+        if (should[c][n] === "1") axes.forEach((values, k) => values.push(place[k], centre(n)[k], null));
+      }));
+      return { type: "scatter3d", mode: "lines", x: axes[0], y: axes[1], z: axes[2], hoverinfo: "skip", showlegend: false,
+        line: { color: colour, width } };
+    }
+  }
+
+  /** Root is the lower Cholesky factor in mm: xx, yx, yy, zx, zy, zz. */
+  function ellipsoid(centre, root, times) {
+    const [a, b, c, d, e, f] = root.map((value) => (value * ELLIPSOID * times) / 1000);
+    const across = 24, up = 12, mesh = { x: [], y: [], z: [], i: [], j: [], k: [] };
+    for (let v = 0; v <= up; v++) for (let u = 0; u < across; u++) {
+      const polar = (Math.PI * v) / up, around = (2 * Math.PI * u) / across;
+      const p = Math.sin(polar) * Math.cos(around), q = Math.sin(polar) * Math.sin(around), r = Math.cos(polar);
+      mesh.x.push(centre[0] + a * p);
+      mesh.y.push(centre[1] + b * p + c * q);
+      mesh.z.push(centre[2] + d * p + e * q + f * r);
+      if (v < up) {
+        const here = v * across + u, next = v * across + ((u + 1) % across);
+        mesh.i.push(here, next); mesh.j.push(next, next + across); mesh.k.push(here + across, here + across);
+      }
+    }
+    return { type: "mesh3d", ...mesh, color: "#CC79A7", opacity: 0.85, hoverinfo: "skip", flatshading: false,
+      lighting: { ambient: 0.6, diffuse: 0.6 } };
+  }
+
+  // ---- pictures ---------------------------------------------------------------------------------------------------
+
+  class Pictures {
+    constructor(sweep) {
+      this.sweep = sweep;
+      this.root = sweep.section.querySelector("[data-images]");
+      this.camera = this.root.querySelector("[data-camera]");
+      this.root.querySelectorAll("select, input").forEach((input) => input.addEventListener("change", () => this.stale()));
+      this.root.owner = this;
+      this.dirty = true;
+      watcher.observe(this.root);
+    }
+    stale() { this.dirty = true; if (this.seen) this.refresh(); }
+    refresh() {
+      if (!this.dirty) return;
+      this.dirty = false;
+      const views = this.sweep.data.views[this.sweep.step], names = views.map(([name]) => name);
+      const had = this.camera.value;
+      if ([...this.camera.options].map((o) => o.value).join() !== names.join())
+        this.camera.replaceChildren(...names.map((name) => new Option(name, name)));
+      const changing = names.find((_, n) => this.sweep.data.views.some((step) => !step[n] || step[n][1] !== views[n][1]));
+      this.camera.value = names.includes(had) ? had : changing || names[0];
+      const view = data.views[views[names.indexOf(this.camera.value)][1]];
+      const layer = this.root.querySelector("[data-picture]:checked").value;
+      const over = new Set([...this.root.querySelectorAll("[data-over]:checked")].map((box) => box.dataset.over));
+      const img = this.root.querySelector("[data-img]"), stage = this.root.querySelector(".stage");
+      const uri = view.pictures[layer === "error" ? "clean" : layer];
+      if (uri) img.src = uri; else img.removeAttribute("src");
+      stage.style.aspectRatio = view.size.join(" / ");
+      stage.classList.toggle("dim", layer === "error");
+      this.root.querySelectorAll("[data-scale]").forEach((scale) => { scale.hidden = scale.dataset.scale !== layer; });
+      const found = view.markers.filter((m) => m[4] >= 0.5).length, should = view.markers.filter((m) => m[3]).length;
+      let words = `Camera ${this.camera.value} at ${this.sweep.data.labels[this.sweep.step]}: ${found} markers found, ${should} should be seen.`;
+      const times = layer === "error" ? this.enlarged(view) : 0;
+      if (times) words += ` Errors are drawn ${times} times as large.`;
+      img.alt = `${words} Picture: ${layer}.`;
+      this.root.querySelector("[data-view-said]").textContent = words;
+      this.root.querySelector("[data-svg]").replaceWith(this.overlay(view, over, times));
+    }
+    enlarged(view) {
+      const errors = view.markers.filter((m) => m[7] !== null).map((m) => Math.hypot(m[5], m[6], m[7])).sort((a, b) => a - b);
+      if (!errors.length) return 1;
+      const typical = errors[Math.floor(errors.length * 0.8)], wanted = (ERROR_SHARE * view.size[0]) / typical;
+      const power = 10 ** Math.floor(Math.log10(wanted));
+      return power * [5, 2, 1].find((digit) => digit * power <= wanted);
+    }
+    overlay(view, over, times) {
+      const make = (name, attributes, parent) => {
+        const element = document.createElementNS("http://www.w3.org/2000/svg", name);
+        Object.entries(attributes).forEach(([key, value]) => element.setAttribute(key, value));
+        if (parent) parent.append(element);
+        return element;
+      };
+      const [width, height] = view.size, unit = width / 640;
+      const svg = make("svg", { viewBox: `-0.5 -0.5 ${width} ${height}`, "data-svg": "", "aria-hidden": "true" });
+      const twice = (name, attributes, colour, stroke) => {
+        make(name, { ...attributes, fill: "none", stroke: "#000", "stroke-width": (stroke + 1.8) * unit, "stroke-opacity": 0.75 }, svg);
+        make(name, { ...attributes, fill: "none", stroke: colour, "stroke-width": stroke * unit }, svg);
+      };
+      for (const [id, x, y, should, rate, dx, dy, spread] of view.markers) {
+        if (times && rate > 0 && dx !== null) {
+          if (spread !== null) twice("circle", { cx: x + dx * times, cy: y + dy * times, r: Math.max(spread * times, unit) }, "#56b4e9", 1.2);
+          twice("path", { d: `M${x} ${y}L${x + dx * times} ${y + dy * times}` }, "#ffffff", 1.6);
+        }
+        if (over.has("detections") && !times) {
+          const r = 7 * unit;
+          if (rate >= 0.5) twice("circle", { cx: x + (dx || 0), cy: y + (dy || 0), r }, "#7fffd4", 1.8);
+          else if (should) twice("path", { d: `M${x - r} ${y - r}L${x + r} ${y + r}M${x - r} ${y + r}L${x + r} ${y - r}` }, "#ffb000", 1.8);
+        }
+        if (over.has("truth")) twice("path", { d: `M${x - 4 * unit} ${y}H${x + 4 * unit}M${x} ${y - 4 * unit}V${y + 4 * unit}` }, "#ffffff", 1);
+        if (over.has("numbers")) {
+          const text = make("text", { x: x + 9 * unit, y: y - 5 * unit, "font-size": 11 * unit, fill: "#fff", stroke: "#000",
+            "stroke-width": 2.5 * unit, "paint-order": "stroke", "font-family": "sans-serif" }, svg);
+          text.textContent = id;
+        }
+      }
+      return svg;
+    }
+  }
+
+  // ---- the page ---------------------------------------------------------------------------------------------------
+
+  const sweeps = [...document.querySelectorAll("[data-sweep]")].map((section) => new Sweep(section));
+  window.addEventListener("beforeprint", () => {
+    document.querySelectorAll("details").forEach((details) => { details.open = true; });
+    sweeps.forEach((sweep) => [...sweep.plots, sweep.pictures].forEach((part) => part.refresh()));
+  });
+  document.documentElement.dataset.ready = String(Math.round(performance.now()));
+})();

@@ -1,0 +1,171 @@
+"""What a run says in words: how well each noise model ranks the steps, what it would choose, and what that costs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from validate.report.data import KINDS, Kind, SweepTable
+
+__all__ = ["FOLLOWS_FROM", "Verdict", "claims", "in_words", "remarks", "verdicts"]
+
+# The bound of the project's gate (README.md): an interval of ρ that lies above it is called a ranking that follows.
+FOLLOWS_FROM = 0.6
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One noise model and kind of PSS over the steps of one sweep, as the tables have it; nan where undefined."""
+
+    sweep: str
+    model: str
+    kind: Kind
+    steps: int
+    rho: float
+    low: float
+    high: float
+    predicted_optimum: str
+    measured_optimum: str
+    regret: float
+    oracle_regret: float
+
+    @property
+    def rho_text(self) -> str:
+        """+0.98 [+0.90, +0.99]."""
+        if math.isnan(self.rho):
+            return "undefined"
+        if math.isnan(self.low):
+            return _minus(f"{self.rho:+.2f}")
+        return _minus(f"{self.rho:+.2f} [{self.low:+.2f}, {self.high:+.2f}]")
+
+    @property
+    def regret_text(self) -> str:
+        """7.6 % (0.0 %), or nothing for the filter kind."""
+        if math.isnan(self.regret):
+            return "–"
+        oracle = "" if math.isnan(self.oracle_regret) else f" ({self.oracle_regret:.1%})"
+        return f"{self.regret:.1%}{oracle}".replace("%", " %")
+
+    @property
+    def standing(self) -> str:
+        """What the interval allows to say."""
+        if math.isnan(self.rho):
+            return "cannot be judged"
+        if math.isnan(self.low):
+            return "has no interval"
+        if self.low > FOLLOWS_FROM:
+            return "follows"
+        if self.low > 0:
+            return "tends to follow"
+        return "runs against" if self.high < 0 else "is not shown to follow"
+
+
+def _minus(text: str) -> str:
+    return text.replace("-", "−")
+
+
+def _number(text: str | None) -> float:
+    return float(text) if text else math.nan
+
+
+def verdicts(table: SweepTable) -> list[Verdict]:
+    """A verdict for each noise model and kind, in the tables' order."""
+    found = []
+    for model in table.models:
+        for kind in KINDS:
+            row = table.correlation_of(model, kind) or {}
+            found.append(
+                Verdict(
+                    table.name,
+                    model,
+                    kind,
+                    len(table.labels),
+                    _number(row.get("spearman")),
+                    _number(row.get("spearman_ci_low")),
+                    _number(row.get("spearman_ci_high")),
+                    table.values[table.predicted_pss(model, kind).best],
+                    table.values[table.measured_pss(kind).best],
+                    _number(row.get("regret")),
+                    _number(row.get("oracle_regret")),
+                )
+            )
+    return found
+
+
+def in_words(table: SweepTable) -> str:
+    """The sentences on the noise model that the report begins with, single frame first."""
+    single, filtered = (
+        next(v for v in verdicts(table) if v.model == table.leading_model and v.kind is k) for k in KINDS
+    )
+    measured = table.measured_pss(KINDS[0]).values
+    if not measured.any():
+        return "No point was triangulated at any step: there is nothing to compare the prediction with."
+    said = (
+        f"Predicted single-frame PSS (noise model {single.model}) {single.standing} the measured one over the "
+        f"{single.steps} steps: Spearman’s ρ = {single.rho_text}. "
+    )
+    said += f"It would choose {single.predicted_optimum}; the best measured is {single.measured_optimum}"
+    if not math.isnan(single.regret):
+        said += f"; choosing by it loses {single.regret:.1%} of the measured PSS".replace("%", " %")
+        if not math.isnan(single.oracle_regret):
+            said += f" (choosing by one half of the trials: {single.oracle_regret:.1%})".replace("%", " %")
+    said += (
+        f". The paper’s own PSS, of σ∞, {filtered.standing} the filter’s: ρ = {filtered.rho_text}; it would choose "
+        f"{filtered.predicted_optimum}, and {filtered.measured_optimum} is best."
+    )
+    return said
+
+
+def remarks(table: SweepTable) -> list[str]:
+    """What a reader must know before believing the verdict; no sentence that the tables do not bear out."""
+    found = []
+    steps = len(table.labels)
+    if steps < 20:
+        found.append(
+            f"{steps} steps of one sweep are few: read the interval, not the number. It comes from resampled trials and "
+            "points, and says nothing of other rooms or cameras."
+        )
+    wide = [v for v in verdicts(table) if not math.isnan(v.low) and v.low <= 0 <= v.high]
+    if wide:
+        names = ", ".join(f"{v.model} ({v.kind.words})" for v in wide)
+        found.append(f"The interval of ρ includes 0 for {names}: no order of the steps is shown there.")
+    sigma = table.points[table.leading_model]["sigma_inf_m"]
+    known = sigma[np.isfinite(sigma)]
+    if len(known) and np.percentile(known, 95) < 1.1 * np.percentile(known, 5):
+        found.append(
+            f"σ∞ of nearly every observable point is {np.median(known) * 1000:.2g} mm, the step of the process: the filter "
+            "kind of PSS then counts points, and says little of how well each is seen."
+        )
+    missed, seen = (
+        table.detection["visible_missed"],
+        table.detection["visible_missed"] + table.detection["visible_detected"],
+    )
+    if seen:
+        found.append(
+            f"Of {seen} markers whose centre a camera should see (views × markers), {missed} ({missed / seen:.0%}) were "
+            "not found: too small, blurred, oblique, or cut by the image’s edge. The paper’s metric knows nothing of "
+            "that.".replace("%", " %")
+        )
+    return found
+
+
+def claims(table: SweepTable) -> list[dict[str, str]]:
+    """The paper's claims on this sweep: `claim`, `side`, `holds`, `figure` and `value` in words."""
+    found = []
+    for row in table.claims:
+        value = f"{float(row['value']):.3g}" if row["value"] else "undefined"
+        if row["value"] and row["ci_low"]:
+            value += f" [{float(row['ci_low']):.3g}, {float(row['ci_high']):.3g}]"
+        side = " ".join(filter(None, (row["side"], row["noise_model"])))
+        found.append(
+            {
+                "claim": row["claim"],
+                "side": side,
+                "holds": row["holds"],
+                "figure": row["figure"],
+                "value": _minus(value),
+            }
+        )
+    return found
