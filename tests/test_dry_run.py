@@ -17,7 +17,7 @@ from validate import dry_run
 from validate.acquire import acquire
 from validate.dry_run import LEAST_KNOWN, announce, forecast
 from validate.progress import EXPECTED_LIGHT_SECONDS, EXPECTED_MEASURE_SECONDS, EXPECTED_SECONDS
-from validate.run_report import RunReport
+from validate.run_messages import RunMessages
 from validate.run_sweep import main
 from validate.store import Store
 from validate.stored_views import save_view
@@ -70,13 +70,13 @@ def test_rates_are_those_of_the_stores_own_views(wanted, tmp_path):  # noqa: F81
 def test_a_disk_that_is_too_small_is_said(wanted, tmp_path, monkeypatch):  # noqa: F811
     """On standard error, with both numbers."""
     chosen = backend.Backend("scalar_rgb", "", 0, "as asked")
-    report = RunReport()
-    report.console, report.errors = Console(file=io.StringIO(), width=200), Console(file=io.StringIO(), width=200)
+    messages = RunMessages()
+    messages.console, messages.errors = Console(file=io.StringIO(), width=200), Console(file=io.StringIO(), width=200)
     for free, warned in ((10**12, False), (10_000, True)):
         monkeypatch.setattr(dry_run, "free_bytes", lambda path, free=free: free)
-        announce(["two configurations"], wanted, Store(tmp_path), str(tmp_path), chosen, tmp_path / "out", report)
-        assert ("too small" in report.errors.file.getvalue()) == warned
-    said = report.console.file.getvalue()
+        announce(["two configurations"], wanted, Store(tmp_path), str(tmp_path), chosen, tmp_path / "out", messages)
+        assert ("too small" in messages.errors.file.getvalue()) == warned
+    said = messages.console.file.getvalue()
     for words in ("two configurations", "3 to render (0 stored)", "light of 1 scene states", "scalar_rgb", "0 MB free"):
         assert words in said
 

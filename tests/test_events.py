@@ -17,7 +17,7 @@ from validate import run_sweep
 from validate.acquire import Acquired, acquire
 from validate.events import EVENTS, EventFile
 from validate.exit_codes import EXIT_BROKEN, EXIT_DONE, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_MISTAKE
-from validate.run_report import RunReport
+from validate.run_messages import RunMessages
 from validate.store import Store, StoreError
 
 # ms, between the clock that is written and the one that is read: both are of this machine.
@@ -37,11 +37,11 @@ def events(folder):
 
 def go(wanted, folder, out):  # noqa: F811
     """A run with events, over the store in `folder`; gives what it acquired."""
-    with RunReport(quiet=True) as report:
-        report.start(out, "test")
-        acquired = acquire(wanted, Store(folder / "store"), None, report)
-        report.failed(acquired.failed)
-        report.end(EXIT_FAILED if acquired.failed else EXIT_DONE, "results", acquired)
+    with RunMessages(quiet=True) as messages:
+        messages.start(out, "test")
+        acquired = acquire(wanted, Store(folder / "store"), None, messages)
+        messages.failed(acquired.failed)
+        messages.end(EXIT_FAILED if acquired.failed else EXIT_DONE, "results", acquired)
     return acquired
 
 
@@ -150,8 +150,8 @@ def test_a_folder_that_takes_no_events_does_not_end_the_run(wanted, tmp_path, ca
 def test_exceptions_are_the_last_event_and_the_exit_code(tmp_path, monkeypatch, capsys, error, event, code):
     """What ends a run early is in its events, and the command's exit code is the same."""
 
-    def execute(options, report):
-        report.start(tmp_path, "sweeps")
+    def execute(options, messages):
+        messages.start(tmp_path, "sweeps")
         raise error
 
     monkeypatch.setattr(validate.run, "execute", execute)
@@ -166,7 +166,7 @@ def test_exceptions_are_the_last_event_and_the_exit_code(tmp_path, monkeypatch, 
 
 def test_before_its_start_a_run_leaves_nothing(tmp_path):
     """A mistake that is found before any work makes no folder."""
-    with pytest.raises(RangeError), RunReport():
+    with pytest.raises(RangeError), RunMessages():
         raise RangeError("a mistake")
     assert list(tmp_path.iterdir()) == []
 
@@ -174,16 +174,16 @@ def test_before_its_start_a_run_leaves_nothing(tmp_path):
 def test_quiet_prints_errors_and_the_last_line_alone(tmp_path, capsys):
     """Warnings are for the events; nothing else is lost that way."""
     acquired = Acquired(failed={"ab": "ValueError: no"})
-    with RunReport(quiet=True) as report, report(2) as progress:
-        report.start(tmp_path, "test")
-        report.console.print("a table")
-        report.note("steering")
-        report.warn("too bright")
+    with RunMessages(quiet=True) as messages, messages(2) as progress:
+        messages.start(tmp_path, "test")
+        messages.console.print("a table")
+        messages.note("steering")
+        messages.warn("too bright")
         progress.advance("measured")
         progress.advance("measured")
-        report.failed(acquired.failed)
-        report.left_out("a run: left out")
-        assert report.end(EXIT_FAILED, "results in x", acquired) == EXIT_FAILED
+        messages.failed(acquired.failed)
+        messages.left_out("a run: left out")
+        assert messages.end(EXIT_FAILED, "results in x", acquired) == EXIT_FAILED
     printed = capsys.readouterr()
     assert printed.out == "results in x\n"
     assert printed.err.splitlines() == ["view ab failed: ValueError: no", "a run: left out"]

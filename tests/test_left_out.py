@@ -16,7 +16,7 @@ from validate.bank.design import BankDesign, held_out_views, training_views
 from validate.bank.prepare import acquire_banks, enough
 from validate.exit_codes import EXIT_DONE, EXIT_FAILED
 from validate.hallway import command
-from validate.run_report import RunReport
+from validate.run_messages import RunMessages
 
 CAUSE = "ValueError: made to fail"
 # One strategy under two limits, few steps, and the trials that are drawn: what is asked is which runs are left.
@@ -30,17 +30,17 @@ def test_a_bank_leaves_the_failed_view_out_with_both_its_renders(monkeypatch, ca
     lost = held_out.views[3]
     acquired = Acquired(failed={lost.renders[1].request.key: CAUSE})
     monkeypatch.setattr(prepare, "acquire", lambda wanted, *others: acquired)
-    report = RunReport(quiet=True)
-    found, (kept_training, kept) = acquire_banks([training, held_out], None, None, report)
+    messages = RunMessages(quiet=True)
+    found, (kept_training, kept) = acquire_banks([training, held_out], None, None, messages)
     assert found is acquired
     assert kept_training.views == training.views
     assert kept.views == held_out.views[:3] + held_out.views[4:]
-    assert enough(kept_training, kept, 4, report)
+    assert enough(kept_training, kept, 4, messages)
     said = capsys.readouterr().err
     assert CAUSE in said
     assert "room, held out: 1 of 14 views left out" in said
-    assert not enough(training, held_out, len(scene.cameras) + 1, report)
-    assert not enough(training.without([v.renders[0].request.key for v in training.views]), held_out, 4, report)
+    assert not enough(training, held_out, len(scene.cameras) + 1, messages)
+    assert not enough(training.without([v.renders[0].request.key for v in training.views]), held_out, 4, messages)
     assert "no tables of room" in capsys.readouterr().err
 
 
@@ -69,7 +69,7 @@ def test_a_schedule_leaves_out_the_runs_that_need_a_failed_view(tmp_path, monkey
         designs.append(design_of(*arguments))
         return designs[-1]
 
-    def acquire(wanted, store, chosen, report, scale):
+    def acquire(wanted, store, chosen, messages, scale):
         (design,) = designs
         free, held_back = ({item.request.key for views in of_run for item in views} for of_run in design.views)
         chosen_keys = {"none": set(), "of one run": held_back - free, "of every run": held_back & free}[which]

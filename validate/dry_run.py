@@ -19,7 +19,7 @@ from scenes import Scene, SweepFile
 from validate.acquire import Acquisition
 from validate.expose import with_exposures
 from validate.progress import EXPECTED_LIGHT_SECONDS, EXPECTED_MEASURE_SECONDS, EXPECTED_SECONDS, clock
-from validate.run_report import RunReport
+from validate.run_messages import RunMessages
 from validate.scale.options import HERE, Scale
 from validate.store import Store
 from validate.sums import SUFFIX, FileSum, read_sums
@@ -113,7 +113,7 @@ def announce(
     address: str,
     chosen: Backend,
     folder: Path,
-    report: RunReport,
+    messages: RunMessages,
     scale: Scale = HERE,
 ) -> Forecast:
     """Say what a run would do, and warn if the disk has no room for it.
@@ -146,9 +146,9 @@ def announce(
         f"store {address}{here}: {_megabytes(free)} free; results would be in {folder}",
     ]
     for line in lines:
-        report.console.print(line, markup=False, soft_wrap=True)
+        messages.console.print(line, markup=False, soft_wrap=True)
     if said.needed_bytes > free:
-        report.errors.print(
+        messages.errors.print(
             f"the disk is too small: {_megabytes(said.needed_bytes)} would be added to {store.folder}, "
             f"{_megabytes(free)} are free",
             style="red",
@@ -159,7 +159,7 @@ def announce(
 
 
 def exposures_assumed(
-    loaded: Sequence[tuple[SweepFile, Scene]], store: Store, chosen: Backend, report: RunReport
+    loaded: Sequence[tuple[SweepFile, Scene]], store: Store, chosen: Backend, messages: RunMessages
 ) -> list[tuple[SweepFile, Scene]]:
     """The same sweeps with exposures of "auto" chosen, as far as the light is solved already.
 
@@ -170,12 +170,12 @@ def exposures_assumed(
         if scene.auto_exposure is None or store.has(store.light(light_key(scene.state))):
             found.append((sweep, scene))
             continue
-        report.note(
+        messages.note(
             f"{scene.path.name}: the exposure is chosen by light that is not solved yet; all views count as missing"
         )
         found.append((sweep, scene.with_exposure(scene.auto_exposure.longest_ms)))
     return with_exposures(
-        found, store, lambda line: report.console.print(line, markup=False, soft_wrap=True), report.note, chosen
+        found, store, lambda line: messages.console.print(line, markup=False, soft_wrap=True), messages.note, chosen
     )
 
 

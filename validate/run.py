@@ -21,7 +21,8 @@ from validate.exit_codes import EXIT_DONE, EXIT_FAILED
 from validate.expose import with_exposures
 from validate.progress import clock
 from validate.remote_store import is_address, open_store
-from validate.run_report import RunReport
+from validate.report.command import REPORT, of_results, source_of_report, write_report
+from validate.run_messages import RunMessages
 from validate.scale.options import HERE, Scale
 from validate.store import Store, StoreError, write_text
 from validate.sweep import Plan, SweepResult, assess_sweep, plan
@@ -47,6 +48,7 @@ class Options:
     allow_outside: bool = False
     quiet: bool = False
     scale: Scale = HERE
+    report: bool = True
 
     @property
     def folder(self) -> Path:
@@ -54,7 +56,7 @@ class Options:
         return self.out or Path("results") / "-".join(Path(name).stem for name in self.sweeps)
 
 
-def execute(options: Options, report: RunReport) -> int:
+def execute(options: Options, messages: RunMessages) -> int:
     """Run, print the tables, and return the exit code.
 
     Raises:
@@ -64,23 +66,23 @@ def execute(options: Options, report: RunReport) -> int:
     _check(options)
     chosen = backend.choose(options.variant)
     loaded = _loaded(options)
-    report.console.print(str(chosen), markup=False)
+    messages.console.print(str(chosen), markup=False)
     store = open_store(options.store)
     if not options.dry_run:
-        report.start(options.folder, "sweeps", sweeps=options.sweeps, store=options.store)
+        messages.start(options.folder, "sweeps", sweeps=options.sweeps, store=options.store)
     of_files = dict.fromkeys(warning for _, scene in loaded for warning in scene.warnings)
     for warning in of_files:
-        report.warn(warning)
+        messages.warn(warning)
     if options.dry_run:
-        exposed = exposures_assumed(loaded, store, chosen, report)
+        exposed = exposures_assumed(loaded, store, chosen, messages)
     else:
         exposed = with_exposures(
             loaded,
             store,
-            lambda line: report.console.print(line, markup=False, soft_wrap=True),
-            report.note,
+            lambda line: messages.console.print(line, markup=False, soft_wrap=True),
+            messages.note,
             chosen,
-            report.light_solved,
+            messages.light_solved,
         )
     plans = [
         plan(sweep, scene, chosen.identity, Sampling(noise_ratio=sweep.render_noise_ratio)) for sweep, scene in exposed
@@ -91,40 +93,53 @@ def execute(options: Options, report: RunReport) -> int:
     )
     for warning in of_steps:
         if warning not in of_files:
-            report.warn(warning)
+            messages.warn(warning)
     if options.dry_run:
         counts = [f"{each.sweep.name}: {len(each.configurations)} configurations" for each in plans]
-        announce(counts, wanted, store, options.store, chosen, options.folder, report, options.scale)
+        announce(counts, wanted, store, options.store, chosen, options.folder, messages, options.scale)
         return EXIT_DONE
 
-    acquired = acquire(wanted, store, chosen, report, options.scale)
+    acquired = acquire(wanted, store, chosen, messages, options.scale)
     after_views = time.perf_counter()
     results = [assess_sweep(each, acquired) for each in plans]
     after_assessment = time.perf_counter()
     _write(options.folder, results, wanted, acquired, store)
     after_tables = time.perf_counter()
-    drawn_from = figures.source_of(options.folder, results)
-    if drawn_from != _figures_of_last_run(options.folder) or not figures.all_drawn(options.folder, results):
+    drawn_from, last = figures.source_of(options.folder, results), _of_last_run(options.folder)
+    if drawn_from != last.get("figures_drawn_from") or not figures.all_drawn(options.folder, results):
         with_whole_views(
-            lambda: figures.draw_all(options.folder, results, store), wanted, store, chosen, report, options.scale
+            lambda: figures.draw_all(options.folder, results, store), wanted, store, chosen, messages, options.scale
+        )
+    after_figures = time.perf_counter()
+    reported_from = source_of_report(drawn_from) if options.report else last.get("report_made_from")
+    made = last.get("report_made_from") == reported_from and (options.folder / REPORT).exists()
+    if options.report and not made and any(result.assessments for result in results):
+        with_whole_views(
+            lambda: write_report(options.folder, of_results(results, acquired.measured), store),
+            wanted,
+            store,
+            chosen,
+            messages,
+            options.scale,
         )
     seconds = {
         "views": after_views - begin,
         "assessment": after_assessment - after_views,
         "tables": after_tables - after_assessment,
-        "figures": time.perf_counter() - after_tables,
+        "figures": after_figures - after_tables,
+        "report": time.perf_counter() - after_figures,
         "total": time.perf_counter() - begin,
     }
-    _write_run(options, plans, chosen, acquired, seconds, drawn_from)
-    summary.show(results, acquired, report.console)
-    warn_of_render_noise(wanted, acquired, report.warn)
-    warn_of_saturation(wanted, acquired, report.warn)
-    report.failed(acquired.failed)
+    _write_run(options, plans, chosen, acquired, seconds, drawn_from, reported_from)
+    summary.show(results, acquired, messages.console)
+    warn_of_render_noise(wanted, acquired, messages.warn)
+    warn_of_saturation(wanted, acquired, messages.warn)
+    messages.failed(acquired.failed)
     for each in results:
         for label, cause in each.skipped:
-            report.left_out(f"{each.plan.sweep.name} {label}: left out, a view failed ({cause})")
+            messages.left_out(f"{each.plan.sweep.name} {label}: left out, a view failed ({cause})")
     counts_now = f"{acquired.rendered} rendered, {len(acquired.measured_items)} measured now"
-    return report.end(
+    return messages.end(
         EXIT_FAILED if acquired.failed else EXIT_DONE,
         f"{len({i.request.key for i in wanted})} views ({counts_now}) in {clock(seconds['total'])}; "
         f"results in {options.folder}",
@@ -219,6 +234,7 @@ def _write_run(
     acquired: Acquired,
     seconds: dict[str, float],
     drawn_from: str,
+    reported_from: object,
 ) -> None:
     content = {
         "options": {name: str(value) for name, value in dataclasses.asdict(options).items()},
@@ -232,14 +248,15 @@ def _write_run(
         "measured": len(acquired.measured_items),
         "failed": acquired.failed,
         "figures_drawn_from": drawn_from,
+        "report_made_from": reported_from,
     }
     write_text(options.folder / "run.json", json.dumps(content, indent=2) + "\n")
 
 
-def _figures_of_last_run(folder: Path) -> str | None:
-    """What the figures that lie in a folder were drawn from; None where that is not known."""
+def _of_last_run(folder: Path) -> dict[str, object]:
+    """What the run that left a folder says of itself, such as what its figures were drawn from; empty if unknown."""
     try:
         said = json.loads((folder / "run.json").read_text(encoding="utf-8"))
-        return str(said["figures_drawn_from"])
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
+    except (OSError, ValueError):
+        return {}
+    return said if isinstance(said, dict) else {}

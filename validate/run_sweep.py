@@ -48,6 +48,7 @@ def run_sweep(
     dry_run: bool = False,
     allow_outside: bool = False,
     quiet: bool = False,
+    report: bool = True,
     scale: Annotated[Scale, tyro.conf.arg(name="")] = HERE,
 ) -> int:
     """Predict and measure sweeps of camera settings.
@@ -64,14 +65,17 @@ def run_sweep(
         dry_run: say what would be done, how long it would take and how much it would fill, and stop.
         allow_outside: let files name others outside their folder (see "Files from others" in docs/scenes.md).
         quiet: print nothing but errors and the last line, which says where the results are.
+        report: write report.html, which shows the run in a browser, and its scene as glTF.
         scale: where views are made (docs/scale.md).
     """
     from validate.run import Options, execute
-    from validate.run_report import RunReport
+    from validate.run_messages import RunMessages
 
-    options = Options(sweeps, scene, out, store, trials, seed, set, variant, dry_run, allow_outside, quiet, scale)
-    with RunReport(quiet) as report:
-        return execute(options, report)
+    options = Options(
+        sweeps, scene, out, store, trials, seed, set, variant, dry_run, allow_outside, quiet, scale, report
+    )
+    with RunMessages(quiet) as messages:
+        return execute(options, messages)
 
 
 def main(arguments: list[str] | None = None) -> int:

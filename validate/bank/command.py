@@ -41,7 +41,7 @@ from validate.findings.tables import read_tables
 from validate.progress import clock
 from validate.remote_store import open_store
 from validate.run import check_folders
-from validate.run_report import RunReport
+from validate.run_messages import RunMessages
 from validate.scale.options import HERE, Scale
 from validate.store import write_text
 from validate.tables import write_csv
@@ -101,18 +101,18 @@ def run(
     scale.check()
     design = BankDesign(settings=settings, trials=trials, turns=turns, seed=seed)
     check_folders(out, store)
-    with RunReport(quiet, width=WIDTH) as report:
+    with RunMessages(quiet, width=WIDTH) as messages:
         chosen = backend.choose(variant)
-        report.console.print(str(chosen), markup=False)
+        messages.console.print(str(chosen), markup=False)
         banks = _banks(scene, second_scene, set, allow_outside, design, chosen)
         if not dry_run:
-            return _judge_all(banks, design, configurations, out, store, chosen, report, scale)
+            return _judge_all(banks, design, configurations, out, store, chosen, messages, scale)
         counts = [
             f"{bank.scene.path.stem}, {bank.role}: {len(bank.views)} views of {design.turns} renders" for bank in banks
         ]
         counts.append(f"{configurations} configurations of each of {', '.join(map(str, COUNTS))} cameras")
         wanted = [item for bank in banks for item in bank.wanted]
-        announce(counts, wanted, open_store(store), store, chosen, out, report, scale)
+        announce(counts, wanted, open_store(store), store, chosen, out, messages, scale)
         return EXIT_DONE
 
 
@@ -143,32 +143,32 @@ def _judge_all(
     out: Path,
     store: str,
     chosen: backend.Backend,
-    report: RunReport,
+    messages: RunMessages,
     scale: Scale,
 ) -> int:
     """Get the views, judge, and leave the tables; the exit code."""
     begin = time.perf_counter()
     opened = open_store(store)
-    report.start(out, "bank", store=store)
-    acquired, banks = acquire_banks(wanted, opened, chosen, report, scale)
+    messages.start(out, "bank", store=store)
+    acquired, banks = acquire_banks(wanted, opened, chosen, messages, scale)
     after_views = time.perf_counter()
     (training, held_out), others = banks[:2], banks[2:]
     renders, views = (sum(counts) for counts in zip(*((len(b.wanted), len(b.views)) for b in banks), strict=True))
     tables: dict[str, list[Row]] = {}
-    if enough(training, held_out, HEADLINE, report):
+    if enough(training, held_out, HEADLINE, messages):
         calibration = calibrate(training, acquired, design, out)
         counts = tuple(count for count in COUNTS if count <= len({camera.name for camera in held_out.cameras}))
-        tables = judge(held_out, acquired, calibration, configurations, design.seed, counts, report.note)
+        tables = judge(held_out, acquired, calibration, configurations, design.seed, counts, messages.note)
         for second in others:
-            if enough(training, second, HEADLINE, report):
-                other = judge(second, acquired, calibration, configurations, design.seed, (HEADLINE,), report.note)
+            if enough(training, second, HEADLINE, messages):
+                other = judge(second, acquired, calibration, configurations, design.seed, (HEADLINE,), messages.note)
                 tables |= {f"{second.scene.path.stem}-{name}": rows for name, rows in other.items()}
         for name, rows in tables.items():
             write_csv(out / f"{name}.csv", rows)
         # Tables of an earlier run that lie there are not of this one.
         written = {name: rows for name, rows in read_tables(out).items() if name in tables}
         write_text(out / "findings.md", bank_findings(written))
-        _show(tables, calibration, report.console)
+        _show(tables, calibration, messages.console)
     seconds = {"views": after_views - begin, "total": time.perf_counter() - begin}
     content = {
         "design": asdict(design),
@@ -182,7 +182,7 @@ def _judge_all(
         "seconds": seconds,
     }
     write_text(out / "run.json", json.dumps(content, indent=2) + "\n")
-    return report.end(
+    return messages.end(
         EXIT_FAILED if acquired.failed else EXIT_DONE,
         f"{renders} renders ({acquired.rendered} now) of {views} views in {clock(seconds['total'])}, "
         f"{clock(seconds['total'] - seconds['views'])} after the views; results in {out}",

@@ -26,7 +26,7 @@ from validate.bank.verdict import single_frame_terms
 from validate.calibration_error import study
 from validate.exit_codes import EXIT_DONE, EXIT_FAILED
 from validate.remote_store import open_store
-from validate.run_report import RunReport
+from validate.run_messages import RunMessages
 from validate.scale.options import HERE, Scale
 from validate.tables import write_csv
 
@@ -73,15 +73,15 @@ def run(
     design = BankDesign(settings=settings, trials=trials, turns=turns, seed=seed)
     loaded = load_scene(scene or SWEEPS.parent / "room.toml", allow_outside=allow_outside)
     opened = open_store(store)
-    with RunReport(width=WIDTH) as report:
+    with RunMessages(width=WIDTH) as messages:
         chosen = backend.choose(variant)
-        report.console.print(str(chosen), markup=False)
-        report.start(out, "calibration-error", store=store)
+        messages.console.print(str(chosen), markup=False)
+        messages.start(out, "calibration-error", store=store)
         wanted = training_views(loaded, design, chosen.identity), held_out_views(loaded, design, chosen.identity)
-        acquired, (training, bank) = acquire_banks(wanted, opened, chosen, report, scale)
-        if enough(training, bank, CAMERAS, report):
-            _rank(training, bank, acquired, design, configurations, out, report.console)
-        return report.end(EXIT_FAILED if acquired.failed else EXIT_DONE, f"results in {out}", acquired)
+        acquired, (training, bank) = acquire_banks(wanted, opened, chosen, messages, scale)
+        if enough(training, bank, CAMERAS, messages):
+            _rank(training, bank, acquired, design, configurations, out, messages.console)
+        return messages.end(EXIT_FAILED if acquired.failed else EXIT_DONE, f"results in {out}", acquired)
 
 
 def _rank(

@@ -10,7 +10,7 @@ from render.backend import Backend
 from validate.acquire import Acquired, acquire
 from validate.bank.design import BankDesign, ViewBank
 from validate.bank.study import calibrated, data_of, limits_of
-from validate.run_report import RunReport
+from validate.run_messages import RunMessages
 from validate.scale.options import HERE, Scale
 from validate.store import Store, write_text
 
@@ -18,28 +18,28 @@ __all__ = ["acquire_banks", "calibrate", "enough"]
 
 
 def acquire_banks(
-    banks: Sequence[ViewBank], store: Store, chosen: Backend, report: RunReport, scale: Scale = HERE
+    banks: Sequence[ViewBank], store: Store, chosen: Backend, messages: RunMessages, scale: Scale = HERE
 ) -> tuple[Acquired, list[ViewBank]]:
     """All renders of the banks, made where `scale` says; and the banks without views that failed, which are named."""
     wanted = [item for bank in banks for item in bank.wanted]
-    acquired = acquire(wanted, store, chosen, report, scale)
-    report.failed(acquired.failed)
+    acquired = acquire(wanted, store, chosen, messages, scale)
+    messages.failed(acquired.failed)
     whole = [bank.without(acquired.failed) for bank in banks]
     for bank, kept in zip(banks, whole, strict=True):
         if lost := len(bank.views) - len(kept.views):
-            report.left_out(
+            messages.left_out(
                 f"{bank.scene.path.stem}, {bank.role}: {lost} of {len(bank.views)} views left out, as a render of each "
                 "failed; the others are judged as if these had never been wanted"
             )
     return acquired, whole
 
 
-def enough(training: ViewBank, judged: ViewBank, cameras: int, report: RunReport) -> bool:
+def enough(training: ViewBank, judged: ViewBank, cameras: int, messages: RunMessages) -> bool:
     """Whether there are views to calibrate on, and of so many cameras to judge; says so if not."""
     names = {camera.name for camera in judged.cameras}
     if training.views and len(names) >= cameras:
         return True
-    report.left_out(
+    messages.left_out(
         f"no tables of {judged.scene.path.stem}: {len(training.views)} training views and {len(names)} cameras are "
         f"left, needed: 1 and {cameras}; all other views are in the store, and another run takes the failed ones only"
     )

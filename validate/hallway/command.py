@@ -39,7 +39,7 @@ from validate.hallway.wanted import Wanted
 from validate.progress import clock
 from validate.remote_store import open_store
 from validate.run import check_folders, linked_views
-from validate.run_report import RunReport
+from validate.run_messages import RunMessages
 from validate.scale.options import HERE, Scale
 from validate.store import Store, atomic_path, write_text
 from validate.tables import timing_rows, view_rows, write_csv
@@ -99,10 +99,10 @@ def run(
     strategies_of(file, own)  # raises what is wrong with them
     stage = stage_of(file, load_scene(scene or file.scene_path, overrides, allow_outside=allow_outside))
     opened = open_store(store)
-    with RunReport(quiet) as report:
+    with RunMessages(quiet) as messages:
         chosen = backend.choose(variant)
-        report.console.print(str(chosen), markup=False)
-        report.note("steering the cameras")
+        messages.console.print(str(chosen), markup=False)
+        messages.note("steering the cameras")
         runs = steered_runs(file, stage, own)
         wanted = Wanted(
             training_views(file, stage, chosen.identity),
@@ -110,24 +110,24 @@ def run(
             real_walk_of(file, stage, own, chosen.identity) if real_walk else None,
         )
         if not dry_run:
-            report.start(folder, "schedule", schedule=schedule, store=store)
+            messages.start(folder, "schedule", schedule=schedule, store=store)
         for warning in stage.scene.warnings:
-            report.warn(warning)
+            messages.warn(warning)
         if not dry_run:
-            return _judge(wanted, folder, opened, chosen, report, scale)
+            return _judge(wanted, folder, opened, chosen, messages, scale)
         counts = [f"{file.name}: {len(runs)} runs of {len(wanted.design.scenes)} steps"]
         if wanted.real is not None:
             counts.append(f"the real walk: {len(wanted.real.scenes)} frames")
-        announce(counts, wanted.views, opened, store, chosen, folder, report, scale)
+        announce(counts, wanted.views, opened, store, chosen, folder, messages, scale)
         return EXIT_DONE
 
 
-def _judge(wanted: Wanted, folder: Path, store: Store, chosen: backend.Backend, report: RunReport, scale: Scale) -> int:
+def _judge(wanted: Wanted, folder: Path, store: Store, chosen: backend.Backend, messages: RunMessages, scale: Scale) -> int:
     """Get the views, predict and measure, and leave tables, figures and film; the exit code."""
     begin = time.perf_counter()
-    acquired = acquire(wanted.views, store, chosen, report, scale)
-    report.failed(acquired.failed)
-    whole = wanted.without(acquired.failed, report)
+    acquired = acquire(wanted.views, store, chosen, messages, scale)
+    messages.failed(acquired.failed)
+    whole = wanted.without(acquired.failed, messages)
     after_views = time.perf_counter()
     tables: dict[str, list[Row]] = {}
     if whole is not None:
@@ -142,15 +142,15 @@ def _judge(wanted: Wanted, folder: Path, store: Store, chosen: backend.Backend, 
                 wanted.views,
                 store,
                 chosen,
-                report,
+                messages,
                 scale,
             )
-        _show(tables, report.console)
+        _show(tables, messages.console)
     seconds = {"views": after_views - begin, "total": time.perf_counter() - begin}
     _write_run(folder, wanted.design, chosen.identity, acquired, sorted(tables), seconds)
-    warn_of_render_noise(wanted.views, acquired, report.warn)
-    warn_of_saturation(wanted.views, acquired, report.warn)
-    return report.end(
+    warn_of_render_noise(wanted.views, acquired, messages.warn)
+    warn_of_saturation(wanted.views, acquired, messages.warn)
+    return messages.end(
         EXIT_FAILED if acquired.failed else EXIT_DONE,
         f"{len({item.request.key for item in wanted.views})} views ({acquired.rendered} rendered, "
         f"{len(acquired.measured_items)} measured now) in {clock(seconds['total'])}, "

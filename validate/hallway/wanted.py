@@ -10,7 +10,7 @@ from validate.hallway.real_walk import RealWalk
 from validate.hallway.runs import Run
 from validate.hallway.study import Design
 from validate.hallway.training import Training
-from validate.run_report import RunReport
+from validate.run_messages import RunMessages
 
 __all__ = ["Wanted"]
 
@@ -29,7 +29,7 @@ class Wanted:
         found = [item for place in self.training for item in place.wanted] + self.design.wanted
         return found if self.real is None else found + self.real.wanted
 
-    def without(self, failed: Collection[str], report: RunReport) -> Wanted | None:
+    def without(self, failed: Collection[str], messages: RunMessages) -> Wanted | None:
         """What needs none of these views, given by their hashes, and says what that leaves out.
 
         Places to calibrate on and runs go one by one. The real walk goes as a whole: its filter runs through all
@@ -42,19 +42,19 @@ class Wanted:
             return self
         training = [place for place in self.training if _whole(place.wanted, failed)]
         if lost := len(self.training) - len(training):
-            report.left_out(f"{lost} of {len(self.training)} places to calibrate on left out, as a view of each failed")
+            messages.left_out(f"{lost} of {len(self.training)} places to calibrate on left out, as a view of each failed")
         design = self.design.without(failed)
         for run in self.design.runs:
             if run not in design.runs:
-                report.left_out(f"{_label(run)}: left out, as a view of it failed")
+                messages.left_out(f"{_label(run)}: left out, as a view of it failed")
         real = self.real
         if real is not None and not _whole(real.wanted, failed):
             lost = len({item.request.key for item in real.wanted} & set(failed))
-            report.left_out(f"the real walk: left out, as {lost} of its views failed")
+            messages.left_out(f"the real walk: left out, as {lost} of its views failed")
             real = None
         if training and design.runs:
             return Wanted(training, design, real)
-        report.left_out(
+        messages.left_out(
             "no tables: a view that every run needs, or every place to calibrate on, failed; all other views are in "
             "the store, and another run takes the failed ones only"
         )

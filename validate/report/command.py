@@ -46,9 +46,7 @@ class SweepForReport:
     measured: Mapping[Acquisition, ViewMeasurement]
 
 
-def of_results(
-    results: Sequence[SweepResult], measured: Mapping[Acquisition, ViewMeasurement]
-) -> list[SweepForReport]:
+def of_results(results: Sequence[SweepResult], measured: Mapping[Acquisition, ViewMeasurement]) -> list[SweepForReport]:
     """Those sweeps of a run that have a configuration to show."""
     return [
         SweepForReport(
@@ -143,7 +141,9 @@ def _run_of(folder: Path) -> dict[str, Any]:
             return dict(said)
     except (OSError, ValueError, KeyError, TypeError):
         pass
-    raise StoreError(f"{folder} has no run.json of a run of sweeps; allowed: a folder that run_sweep.py SWEEP… has left")
+    raise StoreError(
+        f"{folder} has no run.json of a run of sweeps; allowed: a folder that run_sweep.py SWEEP… has left"
+    )
 
 
 def _from_store(made: Plan, labels: tuple[str, ...], store: Store, chosen: backend.Backend) -> SweepForReport:

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.view import RenderedView
-from validate.contact_sheet import displayed
 from validate.report.scene3d import PLATE_MODULES
 from validate.report.steps import Step
 from validate.report.traces import plain
@@ -43,7 +42,7 @@ LAYERS = {
 # px, diameter of the circle of confusion that the scale ends at; a marker as blurred as that is never found.
 MOST_BLUR_PX = 12.0
 # Crops of each kind in a sweep.
-CROPS = 4
+CROPS = 6
 CROP_PX = 168
 # A crop's side over the marker's, and its least side in the capture's pixels.
 CROP_MARGIN, LEAST_CROP_PX = 1.7, 28
@@ -177,19 +176,25 @@ def _diagonal_m(step: Step) -> float:
 
 
 def _layers(view: RenderedView, farthest_m: float) -> dict[str, Pixels]:
-    """The layers at the largest width."""
+    """The layers at the largest width: light is reduced before it is turned into grey, depth is picked."""
     camera = view.camera
+    depth_m = _reduced(view.depth_m, WIDTHS_PX[0], cv2.INTER_NEAREST)
     with np.errstate(invalid="ignore"):
-        away = np.abs(1 - camera.focus_distance_m / view.depth_m)
+        away = np.abs(1 - camera.focus_distance_m / depth_m)
     blur = camera.aperture_diameter_m * camera.focal_px / camera.focus_distance_m * away
-    electrons = view.expected_electrons()
-    clean = 255 * np.clip(electrons / max(float(np.percentile(electrons, 99.7)), 1), 0, 1) ** (1 / 2.2)
+    capture = _reduced(view.capture_dn.astype(np.float32), WIDTHS_PX[0]) - view.sensor.black_level_dn
     return {
-        "clean": _smaller(clean.astype(np.uint8), WIDTHS_PX[0]),
-        "noisy": _smaller(displayed(view.capture_dn, view.sensor.black_level_dn), WIDTHS_PX[0]),
-        "depth": _smaller(_shaded(view.depth_m / farthest_m), WIDTHS_PX[0]),
-        "blur": _smaller(_shaded(blur / MOST_BLUR_PX), WIDTHS_PX[0]),
+        "clean": _grey(_reduced(view.expected_electrons(), WIDTHS_PX[0])),
+        "noisy": _grey(np.maximum(capture, 0)),
+        "depth": _shaded(depth_m / farthest_m),
+        "blur": _shaded(blur / MOST_BLUR_PX),
     }
+
+
+def _grey(light: NDArray[np.float32]) -> Pixels:
+    """Light as grey, black level off: bright end at the 99.7th percentile, gamma 2.2, as on contact sheets."""
+    share = np.clip(light / max(float(np.percentile(light, 99.7)), 1), 0, 1)
+    return np.asarray(255 * share ** (1 / 2.2), dtype=np.uint8)
 
 
 def _shaded(share: NDArray[np.floating]) -> Pixels:
@@ -198,11 +203,12 @@ def _shaded(share: NDArray[np.floating]) -> Pixels:
     return np.asarray(cv2.applyColorMap(level.astype(np.uint8), cv2.COLORMAP_VIRIDIS), dtype=np.uint8)
 
 
-def _smaller(picture: Pixels, width_px: int) -> Pixels:
+def _reduced(picture: NDArray[Any], width_px: int, how: int = cv2.INTER_AREA) -> NDArray[Any]:
+    """A picture at most so wide."""
     scale = width_px / picture.shape[1]
     if scale >= 1:
         return picture
-    return np.asarray(cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    return np.asarray(cv2.resize(picture, None, fx=scale, fy=scale, interpolation=how), dtype=picture.dtype)
 
 
 def _encoded(
@@ -211,7 +217,7 @@ def _encoded(
     """All pictures at one width; None as soon as they are too many bytes."""
     total, found = 0, {}
     for number, (key, pictures) in enumerate(layers.items(), start=1):
-        found[key] = {name: _uri(_smaller(picture, width_px), QUALITY) for name, picture in pictures.items()}
+        found[key] = {name: _uri(_reduced(picture, width_px), QUALITY) for name, picture in pictures.items()}
         total += sum(map(len, found[key].values()))
         # After a few views it is plain where this leads.
         if total > budget_bytes or (number >= 4 and total / number * len(layers) > 1.3 * budget_bytes):
@@ -228,9 +234,13 @@ def _cut(view: RenderedView, crop: Crop) -> Pixels:
     """A square of the noisy capture, its pixels as squares, stretched to its own range of grey."""
     half = crop.side_px // 2
     x, y = (round(value) for value in crop.centre_px)
-    padded = np.pad(displayed(view.capture_dn, view.sensor.black_level_dn), half, constant_values=255)
-    square = padded[y : y + 2 * half, x : x + 2 * half].astype(float)
-    low, high = np.percentile(square, (1, 99))
-    stretched = (255 * np.clip((square - low) / max(high - low, 1), 0, 1)).astype(np.uint8)
+    height, width = view.capture_dn.shape
+    top, left = max(y - half, 0), max(x - half, 0)
+    inside = view.capture_dn[top : min(y + half, height), left : min(x + half, width)].astype(float)
+    low, high = np.percentile(inside, (0.5, 99.5))
+    stretched = np.full((2 * half, 2 * half), 255, dtype=np.uint8)
+    grey = 255 * np.clip((inside - low) / max(high - low, 1), 0, 1) ** (1 / 2.2)
+    from_top, from_left = top - (y - half), left - (x - half)
+    stretched[from_top : from_top + len(inside), from_left : from_left + inside.shape[1]] = grey
     grown = cv2.resize(stretched, (CROP_PX, CROP_PX), interpolation=cv2.INTER_NEAREST)
     return np.asarray(grown, dtype=np.uint8)

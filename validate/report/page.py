@@ -139,7 +139,14 @@ def _data(section: Section) -> dict[str, Any]:
         "first": section.table.measured_pss(KINDS[0]).best,
         "steps": only_changes(section.columns),
         "figures": [
-            {"id": f.id, "traces": f.traces, "layout": f.layout, "columns": f.columns, "height": f.height_px, "alt": f.alt}
+            {
+                "id": f.id,
+                "traces": f.traces,
+                "layout": f.layout,
+                "columns": f.columns,
+                "height": f.height_px,
+                "alt": f.alt,
+            }
             for f in section.figures
         ],
         "views": [

@@ -145,7 +145,7 @@ def nees_figure(table: SweepTable) -> Figure:
         f"and triangulation without any model of R: over all steps their median is {_median(own)}.",
         "Median NEES over three at each step, for the chosen noise model and for the detections’ own covariances.",
         traces,
-        layout(step_axis(table), {"type": "log", "title": {"text": "NEES / 3"}, "dtick": 1, "exponentformat": "power"},
+        layout(step_axis(table), {"type": "log", "title": {"text": "NEES / 3"}, "nticks": 8, "exponentformat": "power"},
                shapes=[right, now], hovermode="x unified"),
         (),
         columns,

@@ -6,9 +6,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import trimesh
 from numpy.typing import NDArray
 
-from render.geometry import plate_corners, surfaces
+from pss import Box, Rectangle, Sphere
+from pss.surrogates import Mesh
+from render.geometry import plate_corners, tile_sphere
 from render.state import SceneState
 from validate.report.data import KINDS, MM, SweepTable
 from validate.report.frusta import Frustum, frustum, room_corners
@@ -22,8 +25,10 @@ Floats = NDArray[np.float64]
 
 # Of a marker's plate: the print with its quiet zone, as in the figures of a run.
 PLATE_MODULES = 8.0
-# Of all objects together; finer meshes are drawn with every so many faces.
-MOST_FACES_DRAWN = 6000
+# Of a finer mesh every so many faces are drawn.
+MOST_FACES_DRAWN = 2000
+# 642 vertices: the eye sees a ball.
+SPHERE_SUBDIVISIONS = 3
 GROUPS = {"varied": ("#D55E00", "square", "varied cameras"), "fixed": ("#0072B2", "circle", "other cameras")}
 IDLE = ("#8a8a8a", "cross", "cameras that are off")
 
@@ -74,7 +79,7 @@ def scene_figure(table: SweepTable) -> Figure:
             _icons(f"cameras|{group}", colour, symbol, words),
             {"type": "cone", **{axis: ref(f"cameras|{group}_{axis}") for axis in "xyz"},
              **{axis: ref(f"axes|{group}_{axis}") for axis in "uvw"}, "anchor": "tip", "sizemode": "absolute",
-             "sizeref": 0.22, "showscale": False, "hoverinfo": "skip",
+             "sizeref": 0.16, "showscale": False, "hoverinfo": "skip",
              "colorscale": [[0, colour], [1, colour]], "meta": {"layer": "frusta"}},
         ]  # fmt: skip
     traces.append(_icons("cameras|idle", *IDLE))
@@ -100,7 +105,7 @@ def scene_figure(table: SweepTable) -> Figure:
                 "xaxis": hidden,
                 "yaxis": hidden,
                 "zaxis": hidden,
-                "camera": {"eye": {"x": 0.85, "y": 1.35, "z": 1.05}, "center": {"x": 0, "y": -0.1, "z": -0.15}},
+                "camera": {"eye": {"x": 0.7, "y": 1.2, "z": 0.75}, "center": {"x": 0, "y": -0.05, "z": -0.12}},
             },
         },
         (
@@ -172,16 +177,27 @@ def _places(state: SceneState) -> Columns:
 def object_meshes(state: SceneState) -> tuple[Floats, NDArray[np.int64]]:
     """Vertices (V, 3) in metres and faces (F, 3) of all objects together; of fine meshes, a part of the faces."""
     vertices, faces, count = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], 0
-    for surface in surfaces(state):
-        if surface.object_number >= 0:
-            own, _, triangles = surface.triangles()
-            vertices.append(own)
-            faces.append(np.asarray(triangles) + count)
-            count += len(own)
-    every = np.concatenate(faces)
-    kept = every[:: -(-len(every) // MOST_FACES_DRAWN) or 1]
-    used, renumbered = np.unique(kept, return_inverse=True)
-    return np.concatenate(vertices)[used], renumbered.reshape(kept.shape)
+    for item in state.objects:
+        own, triangles = _object(item.shape)
+        vertices.append(own)
+        faces.append(triangles + count)
+        count += len(own)
+    return np.concatenate(vertices), np.concatenate(faces)
+
+
+def _object(shape: Rectangle | Sphere | Box | Mesh) -> tuple[Floats, NDArray[np.int64]]:
+    if isinstance(shape, Sphere):
+        return tile_sphere(shape, SPHERE_SUBDIVISIONS)
+    if isinstance(shape, Mesh):
+        corners = shape.corners_m[:: -(-len(shape.faces) // MOST_FACES_DRAWN)]
+        return corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3)
+    if isinstance(shape, Rectangle):
+        right, up = shape.right * shape.width_m / 2, shape.up * shape.height_m / 2
+        centre = np.array(shape.centre_m)
+        corners = np.array([centre - right - up, centre + right - up, centre + right + up, centre - right + up])
+        return corners, np.array([[0, 1, 2], [0, 2, 3], [2, 1, 0], [3, 2, 0]])
+    box = trimesh.creation.box(bounds=[shape.lowest_m, shape.highest_m])
+    return np.asarray(box.vertices), np.asarray(box.faces)
 
 
 def _cameras(group: str, cameras: Sequence[Any], frusta: Sequence[Frustum]) -> Columns:
@@ -196,8 +212,9 @@ def _cameras(group: str, cameras: Sequence[Any], frusta: Sequence[Frustum]) -> C
     if group == "idle":
         return columns
     columns |= _polyline(f"edges|{group}", [line for f in frusta for line in _edges(f)])
+    # An icon is a cone whose tip is the lens and whose base lies ahead: it points backwards.
     axes = np.array([f.axis for f in frusta]).reshape(-1, 3)
-    columns |= {f"axes|{group}_{axis}": plain(axes[:, n]) for n, axis in enumerate("uvw")}
+    columns |= {f"axes|{group}_{axis}": plain(-axes[:, n]) for n, axis in enumerate("uvw")}
     planes, count, faces = [np.zeros((0, 3))], 0, [np.zeros((0, 3), dtype=np.int64)]
     for f in frusta:
         planes.append(f.plane)

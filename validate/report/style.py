@@ -39,6 +39,7 @@ def object_styles(objects: tuple[str, ...]) -> dict[str, tuple[str, str]]:
 def layout(x: dict[str, Any], y: dict[str, Any], **more: Any) -> dict[str, Any]:
     """A plain layout: no box, a light grid, the legend above."""
     axis = {"gridcolor": GRID, "linecolor": GREY, "zerolinecolor": GRID, "ticks": "outside", "automargin": True}
+    x, y = ({**own, "title": {"font": {"size": 13}, **own.get("title", {})}} for own in (x, y))
     return {
         "font": {"family": FONT, "size": 13, "color": INK},
         "paper_bgcolor": "white",

@@ -17,7 +17,10 @@ FOLLOWS_FROM = 0.6
 
 @dataclass(frozen=True)
 class Verdict:
-    """One noise model and kind of PSS over the steps of one sweep, as the tables have it; nan where undefined."""
+    """One noise model and kind of PSS over the steps of one sweep, as the tables have it; nan where undefined.
+
+    The optima are the values that the tables have, and the same as a sentence has them.
+    """
 
     sweep: str
     model: str
@@ -28,6 +31,8 @@ class Verdict:
     high: float
     predicted_optimum: str
     measured_optimum: str
+    chosen_label: str
+    best_label: str
     regret: float
     oracle_regret: float
 
@@ -66,6 +71,10 @@ def _minus(text: str) -> str:
     return text.replace("-", "−")
 
 
+def _said(label: str) -> str:
+    return label.replace("=", " = ")
+
+
 def _number(text: str | None) -> float:
     return float(text) if text else math.nan
 
@@ -87,6 +96,8 @@ def verdicts(table: SweepTable) -> list[Verdict]:
                     _number(row.get("spearman_ci_high")),
                     table.values[table.predicted_pss(model, kind).best],
                     table.values[table.measured_pss(kind).best],
+                    _said(table.labels[table.predicted_pss(model, kind).best]),
+                    _said(table.labels[table.measured_pss(kind).best]),
                     _number(row.get("regret")),
                     _number(row.get("oracle_regret")),
                 )
@@ -106,14 +117,14 @@ def in_words(table: SweepTable) -> str:
         f"Predicted single-frame PSS (noise model {single.model}) {single.standing} the measured one over the "
         f"{single.steps} steps: Spearman’s ρ = {single.rho_text}. "
     )
-    said += f"It would choose {single.predicted_optimum}; the best measured is {single.measured_optimum}"
+    said += f"It would choose {single.chosen_label}; the best measured is {single.best_label}"
     if not math.isnan(single.regret):
         said += f"; choosing by it loses {single.regret:.1%} of the measured PSS".replace("%", " %")
         if not math.isnan(single.oracle_regret):
             said += f" (choosing by one half of the trials: {single.oracle_regret:.1%})".replace("%", " %")
     said += (
         f". The paper’s own PSS, of σ∞, {filtered.standing} the filter’s: ρ = {filtered.rho_text}; it would choose "
-        f"{filtered.predicted_optimum}, and {filtered.measured_optimum} is best."
+        f"{filtered.chosen_label}, and {filtered.best_label} is best."
     )
     return said
 

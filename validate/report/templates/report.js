@@ -6,7 +6,8 @@
   const ELLIPSOID = 2.7955;
   const ELLIPSOID_M = 0.35;
   const ERROR_SHARE = 0.03;
-  const CONFIG = { displaylogo: false, responsive: true, modeBarButtonsToRemove: ["lasso2d", "select2d", "autoScale2d"] };
+  const CONFIG = { displaylogo: false, responsive: true, displayModeBar: false };
+  const CONFIG_3D = { displaylogo: false, responsive: true, displayModeBar: "hover", modeBarButtons: [["toImage", "zoom3d", "pan3d", "orbitRotation", "tableRotation", "resetCameraDefault3d"]] };
 
   // ---- columns ----------------------------------------------------------------------------------------------------
 
@@ -124,7 +125,7 @@
       layout.autosize = true;
       if (narrow) this.forNarrow(layout, traces);
       try {
-        Plotly.react(this.div, traces, layout, CONFIG);
+        Plotly.react(this.div, traces, layout, this.figure.id === "scene" ? CONFIG_3D : CONFIG);
       } catch (error) {
         this.div.innerHTML = '<p class="nogl">This browser draws no 3D figures; the tables have the numbers.</p>';
       }

@@ -16,14 +16,14 @@ from validate.events import EventFile
 from validate.exit_codes import EXIT_BROKEN, EXIT_INTERRUPTED, EXIT_MISTAKE
 from validate.progress import ViewProgress
 
-__all__ = ["PLAIN_WIDTH", "RunReport"]
+__all__ = ["PLAIN_WIDTH", "RunMessages"]
 
 # Columns in a file or a pipe, where tables keep their columns; 80 would break every line.
 PLAIN_WIDTH = 140
 
 
-class RunReport:
-    """A context around a run; `report(total)` counts the views of one pass, as `validate.acquire.acquire` asks for it.
+class RunMessages:
+    """A context around a run; `messages(total)` counts the views of one pass, as `validate.acquire.acquire` asks for it.
 
     Nothing is written before `start`, so that a mistake that is found until then leaves no folder. If the context ends
     with an exception, the last event says which, and the exception goes on.
@@ -49,7 +49,7 @@ class RunReport:
         self._events: EventFile | None = None
         self._said: dict[str, object] = {}
 
-    def __enter__(self) -> RunReport:
+    def __enter__(self) -> RunMessages:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:

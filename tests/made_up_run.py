@@ -1,0 +1,92 @@
+"""A run of a sweep without renderer and detector: pixels are projections with noise of a known size."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+
+from render.sampling import Sampling
+from render.view import Certificate, RenderedView
+from scenes import load_scene, load_sweep
+from validate import claims, compare, tables
+from validate.acquire import Acquired, Acquisition
+from validate.measure import ViewMeasurement
+from validate.report.command import of_results, write_report
+from validate.store import Store
+from validate.stored_views import save_view
+from validate.sweep import SweepResult, assess_sweep, plan
+
+__all__ = ["CERTIFICATE", "PIXEL_NOISE_PX", "RENDERER", "made_up_run"]
+
+# px, σ of the made-up detections in each axis, and their bias along x.
+PIXEL_NOISE_PX, BIAS_PX = 0.08, 0.03
+RENDERER = "made up"
+CERTIFICATE = Certificate(0.1, 0.1, 0.3, 0.1, 0.3, 1000, 0.0)
+# The share of the trials in which a visible marker is found.
+FOUND = 0.8
+
+
+def made_up_run(folder: Path, scene: str, sweeps: dict[str, str]) -> tuple[list[SweepResult], Acquired, Store]:
+    """Leave tables, stored views and the report of sweeps in `folder`/run, from the text of scene and sweep files."""
+    (folder / "closet.toml").write_text(scene)
+    store, results, acquired = Store(folder / "store"), [], Acquired()
+    for name, text in sweeps.items():
+        (folder / f"{name}.toml").write_text(text)
+        sweep = load_sweep(folder / f"{name}.toml")
+        made = plan(sweep, load_scene(sweep.scene_path), RENDERER, Sampling())
+        for wanted in made.views:
+            for item in wanted:
+                if item not in acquired.measured:
+                    acquired.measured[item] = _detections(item)
+                    acquired.certificates[item.request.key] = CERTIFICATE
+                    save_view(store, _view(item), item.request)
+        results.append(assess_sweep(made, acquired))
+    out = folder / "run"
+    for name, rows in (
+        ("configurations", [row for r in results for row in tables.configuration_rows(r)]),
+        ("points", [row for r in results for row in tables.point_rows(r)]),
+        ("views", tables.view_rows(results, acquired)),
+        ("detection", tables.detection_rows(results)),
+        ("correlation", [row for r in results for row in compare.correlation_rows(r)]),
+        ("claims", [row for r in results for row in claims.claim_rows(r)]),
+    ):
+        tables.write_csv(out / f"{name}.csv", rows)
+    write_report(out, of_results(results, acquired.measured), store)
+    return results, acquired, store
+
+
+def _detections(item: Acquisition) -> ViewMeasurement:
+    camera, state = item.request.camera, item.request.state
+    rng = np.random.default_rng(int(item.request.key[:8], 16))
+    pixels, _ = camera.project(state.points_m)
+    noisy = pixels + (BIAS_PX, 0.0) + rng.normal(0, PIXEL_NOISE_PX, (item.trials, *pixels.shape))
+    facing = camera.in_frustum(state.points_m) & (camera.cos_incidence(state.points_m, state.normals) > 0.2)
+    found = facing & (rng.random((item.trials, len(pixels))) < FOUND)
+    covariance = np.broadcast_to(PIXEL_NOISE_PX**2 * np.eye(2), (*found.shape, 2, 2))
+    return ViewMeasurement(
+        np.where(found[..., None], noisy, np.nan), np.where(found[..., None, None], covariance, np.nan), 0, 0.0
+    )
+
+
+def _view(item: Acquisition) -> RenderedView:
+    """A picture with a slope of light and of depth."""
+    request = item.request
+    width, height = request.camera.resolution
+    slope = np.linspace(0.2, 1.0, width, dtype=np.float32) * np.ones((height, 1), dtype=np.float32)
+    capture = np.asarray(request.sensor.black_level_dn + 900 * slope, dtype=np.uint16)
+    normal = np.zeros((height, width, 3), dtype=np.float32)
+    normal[..., 2] = 1
+    marker = np.full((height, width), -1, dtype=np.int32)
+    return RenderedView(
+        request.key,
+        request.camera,
+        request.sensor,
+        slope,
+        4 * slope,
+        normal,
+        marker,
+        capture,
+        dataclasses.replace(CERTIFICATE),
+    )
