@@ -1,4 +1,4 @@
-"""The report of a run: its numbers are those of the tables, it needs nothing from elsewhere, and all of it has words."""
+"""The report of a run: its numbers are those of the tables, it needs nothing from elsewhere, all of it has words."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from render.state import Room
 from tests.made_up_run import made_up_run
 from tests.test_sweep_run import SCENE, SELECTION, SWEEP
 from validate.measure import ViewMeasurement
+from validate.report.budget import error_budget
 from validate.report.command import of_results, remade
 from validate.report.data import KINDS, read_sweeps
 from validate.report.frusta import frustum
 from validate.report.images import BUDGET_BYTES, chosen_crops, pictures_of
 from validate.report.page import KIND_CHOICE, section_of
-from validate.report.quality import error_budget
 from validate.report.scene3d import scene_columns
 from validate.report.steps import sight_of, steps_of_plan
 from validate.report.traces import combinations, filled, only_changes, plain
@@ -101,8 +101,12 @@ def test_the_numbers_of_the_verdict_are_those_of_the_tables(made):
     words["filter"] = ("pss", "pss", "measured_pss_filter")
     for sweep, model, kind, rho, _, chosen, best, regret in said:
         metric, predicted, measured = words[kind]
-        [row] = [r for r in rows(made, "correlation") if (r["sweep"], r["noise_model"], r["metric"], r["yardstick"], r["level"])
-                 == (sweep, model, metric, measured, "configuration")]  # fmt: skip
+        [row] = [
+            r
+            for r in rows(made, "correlation")
+            if (r["sweep"], r["noise_model"], r["metric"], r["yardstick"], r["level"])
+            == (sweep, model, metric, measured, "configuration")
+        ]
         of = [r for r in rows(made, "configurations") if (r["sweep"], r["noise_model"]) == (sweep, model)]
         assert chosen == max(of, key=lambda r: float(r[predicted]))["value"]
         assert best == max(of, key=lambda r: float(r[measured]))["value"]
@@ -153,7 +157,7 @@ def test_every_input_has_a_label_and_every_picture_its_words(made):
         # That of the views is given its words by the script.
         assert "data-img" in element.attributes or len(element.attributes["alt"]) > 20
     plots = [e for e in made.page.all("div") if e.attributes.get("class") == "plot"]
-    assert len(plots) == 2 * 6
+    assert len(plots) == 2 * 7
     assert all(len(plot.attributes["aria-label"]) > 20 for plot in plots)
     assert len(made.page.all("figcaption")) == len(made.page.all("figure"))
     assert made.page.all("html")[0].attributes["lang"] == "en"

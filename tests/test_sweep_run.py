@@ -254,8 +254,9 @@ DETERMINED = (
 
 
 def command(folder, *arguments):
-    """The command line as a list."""
-    return [sys.executable, str(ROOT / "validate" / "run_sweep.py"), "--store", str(folder / "store"), *arguments]
+    """The command line as a list; without a report, where none is asked for: most tests look at the tables alone."""
+    own = ["--store", str(folder / "store"), "--no-report"]
+    return [sys.executable, str(ROOT / "validate" / "run_sweep.py"), *own, *arguments]
 
 
 def run(folder, *arguments):
@@ -283,7 +284,7 @@ def closet(tmp_path_factory):
     files = (("closet", SCENE), ("zooming", SWEEP), ("pairs", SELECTION), ("alone", ALONE))
     for name, text in files:
         (folder / f"{name}.toml").write_text(text)
-    result = run(folder, "zooming.toml", "pairs.toml", "alone.toml", "--out", "first")
+    result = run(folder, "zooming.toml", "pairs.toml", "alone.toml", "--out", "first", "--report")
     assert result.returncode == 0, result.stdout + result.stderr
     (folder / "first.log").write_text(result.stdout + result.stderr)
     return folder
@@ -387,6 +388,26 @@ def test_figures_are_drawn_again_only_if_what_they_show_has_changed(closet):
     assert again != first
     other = drawn("--trials", 2)
     assert all(other[name] != again[name] for name in first)
+
+
+def test_the_report_made_again_is_the_report_of_the_run(closet):
+    """`report FOLDER` reads the tables and the store, the run has all at hand; what they write is the same."""
+    path = closet / "first" / "report.html"
+    before, model = path.read_bytes(), (closet / "first" / "scene.glb").read_bytes()
+    path.unlink()
+    script = [sys.executable, str(ROOT / "validate" / "run_sweep.py"), "report", "first"]
+    result = subprocess.run(script, capture_output=True, text=True, timeout=400, check=False, cwd=closet)
+    assert result.returncode == 0, result.stderr
+    assert path.read_bytes() == before
+    assert (closet / "first" / "scene.glb").read_bytes() == model
+    changed = (closet / "zooming.toml").read_text()
+    (closet / "zooming.toml").write_text(changed.replace("trials = 4", "trials = 5"))
+    try:
+        result = subprocess.run(script, capture_output=True, text=True, timeout=400, check=False, cwd=closet)
+    finally:
+        (closet / "zooming.toml").write_text(changed)
+    assert result.returncode == 2
+    assert "has changed since the run" in result.stderr
 
 
 def test_views_point_into_the_store(closet):

@@ -1,4 +1,4 @@
-"""What the cameras saw, small enough for a page: clean, noisy, depth and blur of each view, and crops of single markers.
+"""What the cameras saw, small enough for a page: clean, noisy, depth and blur of each view, and crops of markers.
 
 Where markers truly project is drawn over the pictures for the reader alone: it was never shown to the detector.
 """
@@ -83,7 +83,7 @@ def chosen_crops(steps: Sequence[Step]) -> list[Crop]:
             error = np.hypot(np.linalg.norm(sight.offset_px, axis=1), sight.spread_px)
             for point in np.flatnonzero(step.visible[number]):
                 rate = float(sight.rate[point])
-                if (sight.view_key, int(point)) in seen or (0 < rate and not np.isfinite(error[point])):
+                if (sight.view_key, int(point)) in seen or (rate > 0 and not np.isfinite(error[point])):
                     continue
                 marker = step.state.markers[point]
                 depth = float(camera.to_camera_frame(np.array(marker.centre_m))[2])
@@ -135,9 +135,16 @@ def overlay(step: Step, camera: int) -> list[list[Any]]:
         inside = -0.5 <= x < width - 0.5 and -0.5 <= y < height - 0.5
         if inside and (step.visible[camera, point] or sight.rate[point] > 0):
             numbers = plain(
-                np.array([*sight.truth_px[point], step.visible[camera, point], sight.rate[point],
-                          *sight.offset_px[point], sight.spread_px[point]])
-            )  # fmt: skip
+                np.array(
+                    [
+                        *sight.truth_px[point],
+                        step.visible[camera, point],
+                        sight.rate[point],
+                        *sight.offset_px[point],
+                        sight.spread_px[point],
+                    ]
+                )
+            )
             rows.append([step.state.markers[point].id, *numbers])
     return rows
 

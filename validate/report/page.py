@@ -1,4 +1,4 @@
-"""The page itself: sections of sweeps, with their figures, tables and pictures, as one HTML file without any reference."""
+"""The page itself: sweeps with their figures, tables and pictures, as one HTML file that refers to no other."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 import jinja2
 import plotly.offline
 
-from validate.report import curves, quality, scene3d, verdict
+from validate.report import budget, curves, points, quality, scene3d, verdict
 from validate.report.data import KINDS, MM, SweepTable
 from validate.report.images import LAYERS, MOST_BLUR_PX, Crop, Pictures, chosen_crops, overlay
 from validate.report.steps import Step
@@ -41,14 +41,24 @@ class Section:
 
 def section_of(table: SweepTable, title: str, steps: Sequence[Step]) -> Section:
     """The figures of a sweep and all that they show at each step."""
-    figures = [curves.curves_figure(table), curves.points_figure(table), quality.leaderboard_figure(table),
-               quality.nees_figure(table), quality.budget_figure(table), scene3d.scene_figure(table)]  # fmt: skip
+    figures = [
+        curves.curves_figure(table),
+        points.points_figure(table),
+        quality.leaderboard_figure(table),
+        quality.nees_figure(table),
+        budget.budget_figure(table),
+        budget.visibility_figure(table),
+        scene3d.scene_figure(table),
+    ]
     parts = (
-        curves.point_columns(table, steps),
-        quality.budget_columns(table),
+        points.point_columns(table, steps),
+        budget.budget_columns(table),
+        budget.visibility_columns(steps),
         scene3d.scene_columns(table, steps),
     )
-    columns = [{**a, **b, **c} for a, b, c in zip(*parts, strict=True)]
+    columns = [
+        {name: value for part in at_step for name, value in part.items()} for at_step in zip(*parts, strict=True)
+    ]
     return Section(table, title, steps, figures, columns, chosen_crops(steps))
 
 

@@ -1,4 +1,4 @@
-"""A report's figures of how good the prediction is: the metrics' ranking, NEES, and where measured PSS departs from it."""
+"""A report's figures of how good the prediction is: how metrics rank the steps, and NEES."""
 
 from __future__ import annotations
 
@@ -9,14 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from validate.report.curves import place, step_axis
-from validate.report.data import KINDS, SweepTable
+from validate.report.data import SweepTable
 from validate.report.style import GREY, INK, layout, model_style
 from validate.report.traces import Choice, Columns, Figure, plain, ref
 
-__all__ = ["Budget", "budget_columns", "budget_figure", "error_budget", "leaderboard_figure", "nees_figure"]
+__all__ = ["leaderboard_figure", "nees_figure"]
 
 Floats = NDArray[np.float64]
-Budget = dict[str, Floats]
 
 # What lies between these percentiles of the points is drawn as a bar.
 MIDDLE = (10, 90)
@@ -36,12 +35,6 @@ YARDSTICK_NAMES = {
     "measured_rms_m": "RMS error of each point",
     "measured_filter_sigma_m": "σ of the filter at each point",
 }
-TERMS = {
-    "found": "not found",
-    "bias": "bias of the detector",
-    "size": "noise model and geometry",
-    "total": "measured / predicted",
-}
 
 
 def leaderboard_figure(table: SweepTable) -> Figure:
@@ -53,13 +46,28 @@ def leaderboard_figure(table: SweepTable) -> Figure:
         colour, symbol, _ = model_style(number)
         offset = ROW_SHARE * (number - (len(table.models) - 1) / 2) / max(len(table.models), 1)
         traces.append(
-            {"type": "scatter", "mode": "markers", "name": model, "x": ref("rho|{yardstick}|" + model),
-             "y": ref("row|{yardstick}|" + model), "customdata": ref("more|{yardstick}|" + model),
-             "error_x": {"type": "data", "symmetric": False, "array": ref("above|{yardstick}|" + model),
-                         "arrayminus": ref("below|{yardstick}|" + model), "color": colour, "thickness": 2, "width": 4},
-             "marker": {"color": colour, "symbol": symbol, "size": 10},
-             "hovertemplate": "%{customdata[0]}: ρ = %{x:.2f}, Kendall’s τ = %{customdata[1]}, regret %{customdata[2]}"}
-        )  # fmt: skip
+            {
+                "type": "scatter",
+                "mode": "markers",
+                "name": model,
+                "x": ref("rho|{yardstick}|" + model),
+                "y": ref("row|{yardstick}|" + model),
+                "customdata": ref("more|{yardstick}|" + model),
+                "error_x": {
+                    "type": "data",
+                    "symmetric": False,
+                    "array": ref("above|{yardstick}|" + model),
+                    "arrayminus": ref("below|{yardstick}|" + model),
+                    "color": colour,
+                    "thickness": 2,
+                    "width": 4,
+                },
+                "marker": {"color": colour, "symbol": symbol, "size": 10},
+                "hovertemplate": (
+                    "%{customdata[0]}: ρ = %{x:.2f}, Kendall’s τ = %{customdata[1]}, regret %{customdata[2]}"
+                ),
+            }
+        )
         for yardstick in yardsticks:
             rows = [r for r in table.correlation if r["yardstick"] == yardstick and r["noise_model"] == model]
             metrics = _metrics_of(table, yardstick)
@@ -84,19 +92,23 @@ def leaderboard_figure(table: SweepTable) -> Figure:
     return Figure(
         "leaderboard",
         "Which metric ranks best",
-        "Spearman’s ρ of each metric with what was measured, over the steps (or over all points of all steps); bars are "
-        "95 % intervals from resampled trials and points. 1 is the same order, 0 none. Metrics whose bars overlap are not "
-        "told apart by this sweep; the bank of views (docs/bank.md) has hundreds of configurations for that.",
+        "Spearman’s ρ of each metric with what was measured, over the steps (or over all points of all steps); bars "
+        "are 95 % intervals from resampled trials and points. 1 is the same order, 0 none. Metrics whose bars overlap "
+        "are not told apart by this sweep; the bank of views (docs/bank.md) has hundreds of configurations for that.",
         "Dots with intervals: Spearman’s correlation of each metric and noise model with the chosen yardstick.",
         traces,
         layout(
             {"title": {"text": "Spearman’s ρ"}, "range": [-1.05, 1.05], "zerolinecolor": GREY},
-            {"tickvals": ref("rows|{yardstick}"), "ticktext": ref("names|{yardstick}"),
-             "range": ref("range|{yardstick}"), "showgrid": False},
+            {
+                "tickvals": ref("rows|{yardstick}"),
+                "ticktext": ref("names|{yardstick}"),
+                "range": ref("range|{yardstick}"),
+                "showgrid": False,
+            },
         ),
         (Choice("yardstick", "Yardstick", tuple((name, YARDSTICK_NAMES.get(name, name)) for name in yardsticks)),),
         columns,
-    )  # fmt: skip
+    )
 
 
 def _metrics_of(table: SweepTable, yardstick: str) -> list[str]:
@@ -116,40 +128,72 @@ def nees_figure(table: SweepTable) -> Figure:
     columns: Columns = {}
     for name, values in [(m, table.nees_share(m)) for m in table.models] + [("detections", table.nees_share(None))]:
         middle, low, high = _middle(values)
-        columns |= {f"middle|{name}": plain(middle), f"up|{name}": plain(high - middle),
-                    f"down|{name}": plain(middle - low)}  # fmt: skip
-    base = {"type": "scatter", "mode": "lines+markers", "x": place(table),
-            "hovertemplate": "%{y:.3g} (middle 80 %: +%{error_y.array:.2g}, −%{error_y.arrayminus:.2g})"}  # fmt: skip
+        columns |= {
+            f"middle|{name}": plain(middle),
+            f"up|{name}": plain(high - middle),
+            f"down|{name}": plain(middle - low),
+        }
+    base = {
+        "type": "scatter",
+        "mode": "lines+markers",
+        "x": place(table),
+        "hovertemplate": "%{y:.3g} (middle 80 %: +%{error_y.array:.2g}, −%{error_y.arrayminus:.2g})",
+    }
     traces = []
     for name, where, colour, symbol in (
         ("predicted C", "{model}", "#0072B2", "square"),
         ("the detections’ own covariance", "detections", INK, "circle"),
     ):
-        error = {"type": "data", "symmetric": False, "array": ref(f"up|{where}"), "arrayminus": ref(f"down|{where}"),
-                 "thickness": 1.2, "width": 3, "color": colour}  # fmt: skip
+        error = {
+            "type": "data",
+            "symmetric": False,
+            "array": ref(f"up|{where}"),
+            "arrayminus": ref(f"down|{where}"),
+            "thickness": 1.2,
+            "width": 3,
+            "color": colour,
+        }
         marker = {"color": colour, "symbol": symbol, "size": 8}
         traces.append(
-            base | {"name": name, "y": ref(f"middle|{where}"), "error_y": error, "marker": marker,
-                    "line": {"color": colour, "width": 1.5, "dash": "dash" if symbol == "square" else "solid"}}
-        )  # fmt: skip
+            base
+            | {
+                "name": name,
+                "y": ref(f"middle|{where}"),
+                "error_y": error,
+                "marker": marker,
+                "line": {"color": colour, "width": 1.5, "dash": "dash" if symbol == "square" else "solid"},
+            }
+        )
     right = {"type": "line", "xref": "paper", "x0": 0, "x1": 1, "y0": 1, "y1": 1, "line": {"color": GREY, "width": 1}}
-    now = {"type": "line", "xref": "x", "yref": "paper", "x0": ref("now"), "x1": ref("now"), "y0": 0, "y1": 1,
-           "line": {"color": GREY, "width": 1.5, "dash": "dot"}}  # fmt: skip
+    now = {
+        "type": "line",
+        "xref": "x",
+        "yref": "paper",
+        "x0": ref("now"),
+        "x1": ref("now"),
+        "y0": 0,
+        "y1": 1,
+        "line": {"color": GREY, "width": 1.5, "dash": "dot"},
+    }
     own = table.nees_share(None)
     return Figure(
         "nees",
         "Is the covariance believable?",
-        "NEES/3 (the mean of eᵀC⁻¹e/3) is 1 where the covariance is right, above 1 where errors are larger than it says, "
-        "below where they are smaller. Signs are medians over the points, bars hold the middle 80 % of them. Squares take "
-        "the covariance that the metric predicts; dots take what each detection claims for itself, and so test geometry "
-        f"and triangulation without any model of R: over all steps their median is {_median(own)}.",
+        "NEES/3 (the mean of eᵀC⁻¹e/3) is 1 where the covariance is right, above 1 where errors are larger than it "
+        "says, below where they are smaller. Signs are medians over the points, bars hold the middle 80 % of them. "
+        "Squares take the covariance that the metric predicts; dots take what each detection claims for itself, and so "
+        f"test geometry and triangulation without any model of R: over all steps their median is {_median(own)}.",
         "Median NEES over three at each step, for the chosen noise model and for the detections’ own covariances.",
         traces,
-        layout(step_axis(table), {"type": "log", "title": {"text": "NEES / 3"}, "nticks": 8, "exponentformat": "power"},
-               shapes=[right, now], hovermode="x unified"),
+        layout(
+            step_axis(table),
+            {"type": "log", "title": {"text": "NEES / 3"}, "nticks": 8, "exponentformat": "power"},
+            shapes=[right, now],
+            hovermode="x unified",
+        ),
         (),
         columns,
-    )  # fmt: skip
+    )
 
 
 def _median(values: Floats) -> str:
@@ -165,77 +209,3 @@ def _middle(values: Floats) -> tuple[Floats, Floats, Floats]:
         if len(known):
             found[:, step] = np.percentile(known, (50, *MIDDLE))
     return found[0], found[1], found[2]
-
-
-def error_budget(table: SweepTable, model: str) -> Budget:
-    """Factors, (S,) each, whose product is measured over predicted single-frame PSS (`total`).
-
-    `found`: predicted PSS with each point times the rate at which it was found, over predicted PSS. `bias`: the root of
-    the share of the mean squared error that is noise; less bias would make the errors smaller by this. `size`: the
-    rest, errors that are larger (below 1) or smaller than the noise model and the geometry say.
-    """
-    inverse = np.nan_to_num(1 / table.points[model]["single_frame_sigma_m"])
-    rate = table.points[model]["detection_rate"]
-    predicted, kept = inverse.sum(axis=1), (inverse * rate).sum(axis=1)
-    points = inverse.shape[1]
-    measured = table.steps[model][KINDS[0].measured_pss] * points
-    with np.errstate(divide="ignore", invalid="ignore"):
-        found, total = kept / predicted, measured / predicted
-        bias = np.sqrt(table.steps[model]["noise_share"])
-        size = total / found / bias
-    return {"found": found, "bias": bias, "size": size, "total": total}
-
-
-def budget_columns(table: SweepTable) -> list[Columns]:
-    """The budget's factors at each step, as stems from 1."""
-    filled: list[Columns] = [{} for _ in table.labels]
-    for model in table.models:
-        budget = error_budget(table, model)
-        for step, columns in enumerate(filled):
-            factors = [float(budget[term][step]) for term in TERMS]
-            usable = [factor if math.isfinite(factor) and factor > 0 else None for factor in factors]
-            columns[f"factors|{model}"] = [None if f is None else float(f"{f:.3g}") for f in usable]
-            columns[f"factor_texts|{model}"] = ["undefined" if f is None else f"× {f:.3g}" for f in usable]
-            columns[f"stems|{model}"] = [x for f in usable for x in (1, 1 if f is None else float(f"{f:.3g}"), None)]
-    return filled
-
-
-def budget_figure(table: SweepTable) -> Figure:
-    """Stems from 1 to each factor of the error budget, at the slider's step."""
-    names = list(TERMS.values())
-    rows = [y for n in range(len(names)) for y in (n, n, None)]
-    columns: Columns = {}
-    for model in table.models:
-        budget = error_budget(table, model)
-        every = np.concatenate([v[np.isfinite(v) & (v > 0)] for v in budget.values()])
-        low, high = (float(every.min()), float(every.max())) if len(every) else (0.5, 2.0)
-        columns[f"budget_range|{model}"] = plain(np.log10([min(low, 0.5) / 1.6, max(high, 2) * 1.6]))
-    traces = [
-        {"type": "scatter", "mode": "lines", "x": ref("stems|{model}"), "y": rows, "line": {"color": GREY, "width": 3},
-         "hoverinfo": "skip", "showlegend": False},
-        {"type": "scatter", "mode": "markers+text", "x": ref("factors|{model}"), "y": list(range(len(names))),
-         "text": ref("factor_texts|{model}"), "textposition": "top center", "showlegend": False, "cliponaxis": False,
-         "marker": {"color": ["#0072B2", "#0072B2", "#0072B2", INK], "size": 12,
-                    "symbol": ["circle", "circle", "circle", "diamond"]},
-         "hovertemplate": "× %{x:.3g}<extra></extra>"},
-    ]  # fmt: skip
-    one = {"type": "line", "yref": "paper", "x0": 1, "x1": 1, "y0": 0, "y1": 1, "line": {"color": INK, "width": 1}}
-    return Figure(
-        "budget",
-        "Where the prediction departs from the measurement",
-        "Three factors multiply to measured over predicted single-frame PSS at the slider’s step. “Not found” is what "
-        "the points lose that are predicted and found in a part of the trials or never (detection_rate). “Bias” is the "
-        "root of noise_share: what every trial repeats. “Noise model and geometry” is the rest: these tables cannot "
-        "part the two, but NEES of the detections’ own covariances tests geometry alone. A factor of 1 is no departure; "
-        "with R as printed the last one has no meaning, since that R mixes units.",
-        "Four factors on a logarithmic axis: not found, bias, noise model with geometry, and their product.",
-        traces,
-        layout(
-            {"type": "log", "title": {"text": "factor on PSS"}, "range": ref("budget_range|{model}")},
-            {"tickvals": list(range(len(names))), "ticktext": names, "range": [len(names) - 0.4, -0.75],
-             "showgrid": False},
-            shapes=[one],
-        ),
-        (),
-        columns,
-    )  # fmt: skip

@@ -15,8 +15,8 @@ from render.geometry import plate_corners, tile_sphere
 from render.state import SceneState
 from validate.report.data import KINDS, MM, SweepTable
 from validate.report.frusta import Frustum, frustum, room_corners
-from validate.report.steps import Step
 from validate.report.shades import scales, shades
+from validate.report.steps import Step
 from validate.report.traces import Choice, Columns, Figure, plain, ref
 
 __all__ = ["PLATE_MODULES", "object_meshes", "scene_columns", "scene_figure"]
@@ -29,6 +29,8 @@ PLATE_MODULES = 8.0
 MOST_FACES_DRAWN = 2000
 # 642 vertices: the eye sees a ball.
 SPHERE_SUBDIVISIONS = 3
+# Plates stand this far before what they are glued to, and their dots as far again, so that neither hides in the other.
+LIFT_M = 0.012
 GROUPS = {"varied": ("#D55E00", "square", "varied cameras"), "fixed": ("#0072B2", "circle", "other cameras")}
 IDLE = ("#8a8a8a", "cross", "cameras that are off")
 
@@ -39,7 +41,12 @@ def scene_figure(table: SweepTable) -> Figure:
     traces: list[dict[str, Any]] = [
         _lines("room", "#9a9a9a", 1.5) | {"name": "room", "showlegend": False, "meta": {"layer": "room"}},
         _mesh("floor", "#f1efe9", 1.0) | {"lighting": flat, "meta": {"layer": "room"}},
-        _mesh("objects", "#dcdcdc", 1.0) | {"flatshading": False, "meta": {"layer": "objects"}},
+        _mesh("objects", "#e9e9e9", 1.0)
+        | {
+            "flatshading": False,
+            "lighting": {"ambient": 0.85, "diffuse": 0.2, "specular": 0.0},
+            "meta": {"layer": "objects"},
+        },
         {
             "type": "mesh3d",
             **{axis: ref(f"plates_{axis}") for axis in "xyz"},
@@ -63,8 +70,8 @@ def scene_figure(table: SweepTable) -> Figure:
         {
             "type": "scatter3d",
             "mode": "markers",
-            **{axis: ref(f"centres_{axis}") for axis in "xyz"},
-            "marker": {"size": 5, "color": "#333333", "opacity": 0.45, "symbol": ref("signs|{kind}|{model}")},
+            **{axis: ref(f"dots_{axis}") for axis in "xyz"},
+            "marker": {"size": 3, "color": "#222222", "opacity": 0.6, "symbol": ref("signs|{kind}|{model}")},
             "text": ref("said|{kind}|{model}"),
             "hovertemplate": "%{text}<extra></extra>",
             "name": "markers (× not observable)",
@@ -73,27 +80,35 @@ def scene_figure(table: SweepTable) -> Figure:
     ]
     for group, (colour, symbol, words) in GROUPS.items():
         traces += [
-            _lines(f"edges|{group}", colour, 2.5) | {"name": "fields of view", "showlegend": False,
-                                                     "meta": {"layer": "frusta"}},
+            _lines(f"edges|{group}", colour, 1.5)
+            | {"name": "fields of view", "showlegend": False, "meta": {"layer": "frusta"}},
             _mesh(f"planes|{group}", colour, 0.13) | {"lighting": flat, "meta": {"layer": "planes"}},
             _icons(f"cameras|{group}", colour, symbol, words),
-            {"type": "cone", **{axis: ref(f"cameras|{group}_{axis}") for axis in "xyz"},
-             **{axis: ref(f"axes|{group}_{axis}") for axis in "uvw"}, "anchor": "tip", "sizemode": "absolute",
-             "sizeref": 0.16, "showscale": False, "hoverinfo": "skip",
-             "colorscale": [[0, colour], [1, colour]], "meta": {"layer": "frusta"}},
-        ]  # fmt: skip
+            {
+                "type": "cone",
+                **{axis: ref(f"cameras|{group}_{axis}") for axis in "xyz"},
+                **{axis: ref(f"axes|{group}_{axis}") for axis in "uvw"},
+                "anchor": "tip",
+                "sizemode": "absolute",
+                "sizeref": 0.16,
+                "showscale": False,
+                "hoverinfo": "skip",
+                "colorscale": [[0, colour], [1, colour]],
+                "meta": {"layer": "frusta"},
+            },
+        ]
     traces.append(_icons("cameras|idle", *IDLE))
     hidden = {"visible": False}
     return Figure(
         "scene",
         "The scene in space",
         "Markers are coloured by what the prediction says, by what was measured, or by measured over predicted; grey "
-        "ones are not observable, or were not triangulated. Pyramids are fields of view up to the plane in focus or the "
-        "walls, translucent sheets the planes in focus. Choose a marker (click it, or take it from the list) to see which "
-        "cameras should see it, which found it, and its predicted 95 % ellipsoid, enlarged as the text says. A long "
-        "ellipsoid points along the direction that no pair of cameras sees from the side.",
-        "The room in three dimensions with its objects, markers and cameras. The list of markers under the figure gives "
-        "the numbers of each in words.",
+        "ones are not observable, or were not triangulated. Pyramids are fields of view up to the plane in focus or "
+        "the walls, translucent sheets the planes in focus. Choose a marker (click it, or take it from the list) to "
+        "see which cameras should see it, which found it, and its predicted 95 % ellipsoid, enlarged as the text says. "
+        "A long ellipsoid points along the direction that no pair of cameras sees from the side.",
+        "The room in three dimensions with its objects, markers and cameras. The list of markers under the figure "
+        "gives the numbers of each in words.",
         traces,
         {
             "paper_bgcolor": "white",
@@ -105,7 +120,7 @@ def scene_figure(table: SweepTable) -> Figure:
                 "xaxis": hidden,
                 "yaxis": hidden,
                 "zaxis": hidden,
-                "camera": {"eye": {"x": 0.7, "y": 1.2, "z": 0.75}, "center": {"x": 0, "y": -0.05, "z": -0.12}},
+                "camera": {"eye": {"x": 0.5, "y": 1.05, "z": 0.62}, "center": {"x": 0, "y": 0, "z": -0.14}},
             },
         },
         (
@@ -122,21 +137,39 @@ def scene_figure(table: SweepTable) -> Figure:
 
 
 def _lines(name: str, colour: str, width: float) -> dict[str, Any]:
-    return {"type": "scatter3d", "mode": "lines", **{axis: ref(f"{name}_{axis}") for axis in "xyz"},
-            "line": {"color": colour, "width": width}, "hoverinfo": "skip"}  # fmt: skip
+    return {
+        "type": "scatter3d",
+        "mode": "lines",
+        **{axis: ref(f"{name}_{axis}") for axis in "xyz"},
+        "line": {"color": colour, "width": width},
+        "hoverinfo": "skip",
+    }
 
 
 def _mesh(name: str, colour: str, opacity: float) -> dict[str, Any]:
-    return {"type": "mesh3d", **{axis: ref(f"{name}_{axis}") for axis in "xyzijk"}, "color": colour,
-            "opacity": opacity, "hoverinfo": "skip"}  # fmt: skip
+    return {
+        "type": "mesh3d",
+        **{axis: ref(f"{name}_{axis}") for axis in "xyzijk"},
+        "color": colour,
+        "opacity": opacity,
+        "hoverinfo": "skip",
+    }
 
 
 def _icons(name: str, colour: str, symbol: str, words: str) -> dict[str, Any]:
-    return {"type": "scatter3d", "mode": "markers+text", **{axis: ref(f"{name}_{axis}") for axis in "xyz"},
-            "text": ref(f"{name}_names"), "textposition": "top center", "textfont": {"size": 14, "color": colour},
-            "customdata": ref(f"{name}_said"), "hovertemplate": "%{customdata}<extra></extra>",
-            "marker": {"size": 5, "color": colour, "symbol": symbol}, "name": words,
-            "meta": {"layer": "cameras"}}  # fmt: skip
+    return {
+        "type": "scatter3d",
+        "mode": "markers+text",
+        **{axis: ref(f"{name}_{axis}") for axis in "xyz"},
+        "text": ref(f"{name}_names"),
+        "textposition": "top center",
+        "textfont": {"size": 14, "color": colour},
+        "customdata": ref(f"{name}_said"),
+        "hovertemplate": "%{customdata}<extra></extra>",
+        "marker": {"size": 5, "color": colour, "symbol": symbol},
+        "name": words,
+        "meta": {"layer": "cameras"},
+    }
 
 
 def scene_columns(table: SweepTable, steps: Sequence[Step]) -> list[Columns]:
@@ -167,11 +200,14 @@ def _places(state: SceneState) -> Columns:
     columns = _polyline("room", [box[list(edge)] for edge in edges])
     columns |= _triangles("floor", box[:4] - (0, 0, 0.005), np.array([[0, 1, 2], [0, 2, 3]]))
     columns |= _triangles("objects", *object_meshes(state))
-    plates = [plate_corners(marker, PLATE_MODULES) + 0.004 * np.array(marker.normal) for marker in state.markers]
+    plates = [plate_corners(marker, PLATE_MODULES) + LIFT_M * np.array(marker.normal) for marker in state.markers]
     first = 4 * np.arange(len(plates))[:, None]
     faces = np.stack([first + (0, 1, 2), first + (0, 2, 3)], axis=1).reshape(-1, 3)
     columns |= _triangles("plates", np.concatenate(plates) if plates else np.zeros((0, 3)), faces)
-    return columns | {f"centres_{axis}": plain(state.points_m[:, n]) for n, axis in enumerate("xyz")}
+    for name, lift_m in (("centres", 0.0), ("dots", 2 * LIFT_M)):
+        places = state.points_m + lift_m * state.normals
+        columns |= {f"{name}_{axis}": plain(places[:, n]) for n, axis in enumerate("xyz")}
+    return columns
 
 
 def object_meshes(state: SceneState) -> tuple[Floats, NDArray[np.int64]]:
@@ -206,7 +242,8 @@ def _cameras(group: str, cameras: Sequence[Any], frusta: Sequence[Frustum]) -> C
     columns: Columns = {f"{name}_{axis}": plain(position[:, n]) for n, axis in enumerate("xyz")}
     columns[f"{name}_names"] = [camera.name for camera in cameras]
     columns[f"{name}_said"] = [
-        f"camera {c.name}: zoom {c.zoom:g}, focus {c.focus_distance_m:g} m, pan {c.pan_deg:.1f}°, tilt {c.tilt_deg:.1f}°"
+        f"camera {c.name}: zoom {c.zoom:g}, focus {c.focus_distance_m:g} m, pan {c.pan_deg:.1f}°, tilt "
+        f"{c.tilt_deg:.1f}°"
         for c in cameras
     ]
     if group == "idle":

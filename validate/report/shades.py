@@ -1,4 +1,4 @@
-"""What markers in space are coloured by: scales that hold over a whole sweep, and the shade of each marker at a step."""
+"""What markers in space are coloured by: scales that hold over a whole sweep, and each marker's shade at a step."""
 
 from __future__ import annotations
 
@@ -32,8 +32,11 @@ def scales(table: SweepTable) -> Columns:
     def beside(scale: Sequence[Sequence[Any]]) -> list[list[Any]]:
         return grey + [[GREY_SHARE + (1 - GREY_SHARE) * at, colour] for at, colour in scale]
 
-    columns: Columns = {"scale|predicted": beside(VIRIDIS), "scale|measured": beside(VIRIDIS),
-                        "scale|ratio": beside(PURPLE_ORANGE)}  # fmt: skip
+    columns: Columns = {
+        "scale|predicted": beside(VIRIDIS),
+        "scale|measured": beside(VIRIDIS),
+        "scale|ratio": beside(PURPLE_ORANGE),
+    }
     for kind in KINDS:
         columns[f"bar|predicted|{kind.name}"] = f"predicted {kind.symbol} in mm"
         columns[f"bar|measured|{kind.name}"] = "measured √λmax in mm"
@@ -110,4 +113,4 @@ def plate_colours(table: SweepTable, step: int, kind: str, model: str) -> list[t
     rgb = np.array([[int(colour[n : n + 2], 16) for n in (1, 3, 5)] for _, colour in scale])
     share = np.clip((shade - low) / (high - low), 0, 1)
     mixed = np.column_stack([np.interp(share, at, rgb[:, channel]) for channel in range(3)])
-    return [(*(int(round(value)) for value in row), 255) for row in mixed]
+    return [(*(round(float(value)) for value in row), 255) for row in mixed]

@@ -135,8 +135,8 @@ def remarks(table: SweepTable) -> list[str]:
     steps = len(table.labels)
     if steps < 20:
         found.append(
-            f"{steps} steps of one sweep are few: read the interval, not the number. It comes from resampled trials and "
-            "points, and says nothing of other rooms or cameras."
+            f"{steps} steps of one sweep are few: read the interval, not the number. It comes from resampled trials "
+            "and points, and says nothing of other rooms or cameras."
         )
     wide = [v for v in verdicts(table) if not math.isnan(v.low) and v.low <= 0 <= v.high]
     if wide:
@@ -146,8 +146,8 @@ def remarks(table: SweepTable) -> list[str]:
     known = sigma[np.isfinite(sigma)]
     if len(known) and np.percentile(known, 95) < 1.1 * np.percentile(known, 5):
         found.append(
-            f"σ∞ of nearly every observable point is {np.median(known) * 1000:.2g} mm, the step of the process: the filter "
-            "kind of PSS then counts points, and says little of how well each is seen."
+            f"σ∞ of nearly every observable point is {np.median(known) * 1000:.2g} mm, the step of the process: the "
+            "filter kind of PSS then counts points, and says little of how well each is seen."
         )
     missed, seen = (
         table.detection["visible_missed"],
@@ -155,8 +155,9 @@ def remarks(table: SweepTable) -> list[str]:
     )
     if seen:
         found.append(
-            f"Of {seen} markers whose centre a camera should see (views × markers), {missed} ({missed / seen:.0%}) were "
-            "not found: too small, blurred, oblique, or cut by the image’s edge. The paper’s metric knows nothing of "
+            f"Of {seen} markers whose centre a camera should see (views × markers), {missed} ({missed / seen:.0%}) "
+            "were not found: too small, blurred, oblique, or cut by the image’s edge. The paper’s metric knows nothing "
+            "of "
             "that.".replace("%", " %")
         )
     return found

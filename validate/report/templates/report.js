@@ -4,7 +4,7 @@
   const NARROW_PX = 520;
   // Three degrees of freedom, 95 %: the ellipsoid's half axes in standard deviations.
   const ELLIPSOID = 2.7955;
-  const ELLIPSOID_M = 0.35;
+  const ELLIPSOID_M = 0.6;
   const ERROR_SHARE = 0.03;
   const CONFIG = { displaylogo: false, responsive: true, displayModeBar: false };
   const CONFIG_3D = { displaylogo: false, responsive: true, displayModeBar: "hover", modeBarButtons: [["toImage", "zoom3d", "pan3d", "orbitRotation", "tableRotation", "resetCameraDefault3d"]] };
@@ -211,7 +211,7 @@
         mesh.i.push(here, next); mesh.j.push(next, next + across); mesh.k.push(here + across, here + across);
       }
     }
-    return { type: "mesh3d", ...mesh, color: "#CC79A7", opacity: 0.85, hoverinfo: "skip", flatshading: false,
+    return { type: "mesh3d", ...mesh, color: "#d6408f", opacity: 1, hoverinfo: "skip", flatshading: false,
       lighting: { ambient: 0.6, diffuse: 0.6 } };
   }
 

@@ -1,0 +1,209 @@
+"""The report in a real browser: it needs no network, draws without an error, and works by keyboard and on a phone."""
+
+from __future__ import annotations
+
+import base64
+import json
+import shutil
+import time
+
+import pytest
+
+from tests.made_up_run import made_up_run
+from tests.test_sweep_run import SCENE, SELECTION, SWEEP
+
+selenium = pytest.importorskip("selenium", reason="selenium is not installed")
+
+from selenium import webdriver  # noqa: E402  # only where it is installed
+from selenium.webdriver.chrome.service import Service  # noqa: E402
+from selenium.webdriver.common.by import By  # noqa: E402
+from selenium.webdriver.common.keys import Keys  # noqa: E402
+from selenium.webdriver.support.ui import Select, WebDriverWait  # noqa: E402
+
+BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+DRIVER = shutil.which("chromedriver")
+pytestmark = [
+    pytest.mark.acceptance,
+    pytest.mark.skipif(
+        not BROWSER or not DRIVER, reason="no chromium with chromedriver (apt-get install chromium-driver)"
+    ),
+]
+
+# s, for a figure to be drawn by a processor that does the graphics card's work, on a busy machine.
+PATIENCE = 120
+MOST_BYTES = 15_000_000
+PHONE = {"width": 400, "height": 800, "deviceScaleFactor": 1, "mobile": True}
+FLAGS = (
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--enable-unsafe-swiftshader",
+    "--disable-background-networking",
+    "--window-size=1300,1000",
+)
+# Of the browser itself, on graphics without a card.
+NO_ERRORS_OF_OURS = ("GPU stall", "willReadFrequently", "swiftshader", "SwiftShader")
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    """The report of a made-up run."""
+    folder = tmp_path_factory.mktemp("browser")
+    made_up_run(folder, SCENE, {"zooming": SWEEP, "pairs": SELECTION})
+    return folder / "run" / "report.html"
+
+
+@pytest.fixture(scope="module")
+def browser(report):
+    """Chromium with the report open."""
+    options = webdriver.ChromeOptions()
+    for flag in FLAGS:
+        options.add_argument(flag)
+    options.binary_location = BROWSER
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    driver = webdriver.Chrome(options=options, service=Service(DRIVER))
+    driver.get(report.as_uri())
+    yield driver
+    driver.quit()
+
+
+def until(browser, condition):
+    return WebDriverWait(browser, PATIENCE).until(condition)
+
+
+def shown(browser, selector):
+    """Scroll to an element, as a reader does, and give it."""
+    element = browser.find_element(By.CSS_SELECTOR, selector)
+    browser.execute_script("arguments[0].scrollIntoView({block: 'center', behavior: 'instant'})", element)
+    return element
+
+
+def drawn(browser, selector):
+    """The same for a figure, once plotly has drawn it."""
+    element = shown(browser, selector)
+    until(browser, lambda d: d.execute_script("return !!arguments[0].querySelector('.main-svg')", element))
+    return element
+
+
+def test_it_opens_soon_and_is_small(browser, report):
+    ready = browser.execute_script("return Number(document.documentElement.dataset.ready)")
+    size = report.stat().st_size
+    print(f"\nreport of {size:,} bytes, interactive after {ready / 1000:.1f} s on this machine as busy as it is")
+    assert size <= MOST_BYTES
+    assert ready > 0
+
+
+def test_every_figure_is_drawn_without_an_error_and_without_the_network(browser, report):
+    figures = browser.find_elements(By.CSS_SELECTOR, "[data-figure]")
+    assert len(figures) == 2 * 7
+    for section in ("zooming", "pairs"):
+        for name in ("curves", "points", "leaderboard", "nees", "budget", "visibility", "scene"):
+            drawn(browser, f"#{section} [data-figure={name}] .plot")
+    wrong = [
+        entry
+        for entry in browser.get_log("browser")
+        if entry["level"] in ("SEVERE", "WARNING") and not any(word in entry["message"] for word in NO_ERRORS_OF_OURS)
+    ]
+    assert not wrong, wrong
+    events = [json.loads(entry["message"])["message"] for entry in browser.get_log("performance")]
+    asked = [e["params"]["request"]["url"] for e in events if e["method"] == "Network.requestWillBeSent"]
+    elsewhere = [url for url in asked if not url.startswith((report.as_uri(), "data:", "blob:"))]
+    assert report.as_uri() in asked
+    assert not elsewhere, elsewhere
+
+
+def test_the_slider_moves_all_figures_and_pictures_by_keyboard(browser):
+    slider = shown(browser, "#zooming [data-step]")
+    slider.send_keys(Keys.HOME)
+    label = browser.find_element(By.CSS_SELECTOR, "#zooming [data-label]")
+    assert label.text == "zoom=1.5"
+    said = "return arguments[0].getAttribute('aria-label')"
+    plots = [drawn(browser, f"#zooming [data-figure={name}] .plot") for name in ("points", "budget", "scene")]
+    before = [browser.execute_script("return JSON.stringify(arguments[0].data)", plot) for plot in plots]
+    picture = shown(browser, "#zooming [data-img]")
+    until(browser, lambda d: picture.get_attribute("src"))
+    first_picture = picture.get_attribute("src")
+    slider.send_keys(Keys.ARROW_RIGHT, Keys.ARROW_RIGHT)
+    assert label.text == "zoom=3"
+    assert slider.get_attribute("aria-valuetext") == "zoom=3"
+    for plot, old in zip(plots, before, strict=True):
+        browser.execute_script("arguments[0].scrollIntoView({block: 'center', behavior: 'instant'})", plot)
+        until(browser, lambda d, plot=plot: "zoom=3" in d.execute_script(said, plot))
+        assert browser.execute_script("return JSON.stringify(arguments[0].data)", plot) != old
+    shown(browser, "#zooming [data-images]")
+    until(browser, lambda d: picture.get_attribute("src") != first_picture)
+
+
+def test_a_marker_has_its_ellipsoid_lines_and_words(browser):
+    plot = drawn(browser, "#zooming [data-figure=scene] .plot")
+    count = browser.execute_script("return arguments[0].data.length", plot)
+    Select(shown(browser, "#zooming [data-marker]")).select_by_value("5")
+    until(browser, lambda d: d.execute_script("return arguments[0].data.length", plot) > count)
+    words = browser.find_element(By.CSS_SELECTOR, "#zooming [data-said]").text
+    assert "marker 5 on board" in words
+    assert "ellipsoid" in words
+    # The page multiplies the root out itself: the ellipsoid's farthest point is 2.7955 σ away, enlarged as it says.
+    far, centre = browser.execute_script(
+        "const p = arguments[0], e = p.data[p.data.length - 1], m = p.data.find((t) => t.meta && t.meta.pick);"
+        "const c = ['x', 'y', 'z'].map((a) => m[a][5]);"
+        "return [Math.max(...e.x.map((x, i) => Math.hypot(x - c[0], e.y[i] - c[1], e.z[i] - c[2]))), m.text[5]];",
+        plot,
+    )
+    times = float(words.split("drawn ")[1].split(" times")[0].replace(",", ""))
+    predicted_mm = float(centre.split("predicted ")[1].split(" mm")[0])
+    # The mesh has points every 15°: the farthest is within 2 % of the axis.
+    assert far * 1000 / times / 2.7955 == pytest.approx(predicted_mm, rel=0.03)
+
+
+def test_pictures_are_flicked_through_with_the_arrow_keys(browser):
+    seen = set()
+    radio = shown(browser, "#zooming [data-picture][value=clean]")
+    browser.execute_script("arguments[0].click()", radio)
+    picture = browser.find_element(By.CSS_SELECTOR, "#zooming [data-img]")
+    for layer in ("clean", "noisy", "depth", "blur", "error"):
+        active = browser.switch_to.active_element if seen else radio
+        assert active.get_attribute("value") == layer
+        until(browser, lambda d, layer=layer: f"Picture: {layer}" in picture.get_attribute("alt"))
+        seen.add(picture.get_attribute("src"))
+        active.send_keys(Keys.ARROW_RIGHT)
+    # The error is drawn over the clean image.
+    assert len(seen) == 4
+
+
+def test_everything_is_reached_by_tabulator_and_its_focus_is_seen(browser):
+    browser.execute_script("window.scrollTo(0, 0); document.activeElement.blur()")
+    wanted = {"data-step", "data-marker", "data-camera", "data-over"}
+    for _ in range(120):
+        browser.switch_to.active_element.send_keys(Keys.TAB)
+        element = browser.switch_to.active_element
+        wanted -= {name for name in wanted if element.get_attribute(name) is not None}
+        if element.tag_name in ("select", "input", "button", "a"):
+            assert browser.execute_script("return getComputedStyle(arguments[0]).outlineStyle", element) != "none"
+        if not wanted:
+            break
+    assert not wanted
+
+
+def test_it_fits_a_narrow_screen(browser):
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", PHONE)
+    try:
+        for name in ("curves", "scene"):
+            plot = drawn(browser, f"#pairs [data-figure={name}] .plot")
+            until(browser, lambda d, plot=plot: plot.size["width"] <= PHONE["width"])
+        wide, inner = browser.execute_script("return [document.documentElement.scrollWidth, window.innerWidth]")
+        assert wide <= inner == PHONE["width"]
+    finally:
+        browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
+def test_it_is_printed_with_all_its_figures(browser, report, tmp_path):
+    """Opened anew, so that nothing was scrolled into view before."""
+    browser.get(report.as_uri())
+    printed = base64.b64decode(browser.execute_cdp_cmd("Page.printToPDF", {"printBackground": True})["data"])
+    (tmp_path / "report.pdf").write_bytes(printed)
+    assert printed.startswith(b"%PDF")
+    time.sleep(0.5)
+    undrawn = browser.execute_script(
+        "return [...document.querySelectorAll('.plot')].filter((plot) => !plot.querySelector('.main-svg')).length"
+    )
+    assert undrawn == 0

@@ -1,0 +1,178 @@
+"""A report's error budget: the factors by which measured PSS departs from the predicted one, and their figure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from validate.report.data import KINDS, SweepTable
+from validate.report.steps import Step
+from validate.report.style import GREY, INK, layout
+from validate.report.traces import Columns, Figure, plain, ref
+
+__all__ = ["Budget", "budget_columns", "budget_figure", "error_budget", "visibility_columns", "visibility_figure"]
+
+Floats = NDArray[np.float64]
+Budget = dict[str, Floats]
+
+# Of a logarithmic axis of factors.
+TICKS = (1e-4, 1e-3, 0.01, 0.1, 0.2, 0.5, 1, 2, 5, 10, 100, 1000, 10000)
+TERMS = {
+    "found": "not found",
+    "bias": "bias of the detector",
+    "size": "noise model and geometry",
+    "total": "measured / predicted",
+}
+
+
+def error_budget(table: SweepTable, model: str) -> Budget:
+    """Factors, (S,) each, whose product is measured over predicted single-frame PSS (`total`).
+
+    `found`: predicted PSS with each point times the rate at which it was found, over predicted PSS. `bias`: the root of
+    the share of the mean squared error that is noise; less bias would make the errors smaller by this. `size`: the
+    rest, errors that are larger (below 1) or smaller than the noise model and the geometry say.
+    """
+    inverse = np.nan_to_num(1 / table.points[model]["single_frame_sigma_m"])
+    rate = table.points[model]["detection_rate"]
+    predicted, kept = inverse.sum(axis=1), (inverse * rate).sum(axis=1)
+    points = inverse.shape[1]
+    measured = table.steps[model][KINDS[0].measured_pss] * points
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found, total = kept / predicted, measured / predicted
+        bias = np.sqrt(table.steps[model]["noise_share"])
+        size = total / found / bias
+    return {"found": found, "bias": bias, "size": size, "total": total}
+
+
+def budget_columns(table: SweepTable) -> list[Columns]:
+    """The budget's factors at each step, as stems from 1."""
+    filled: list[Columns] = [{} for _ in table.labels]
+    for model in table.models:
+        budget = error_budget(table, model)
+        for step, columns in enumerate(filled):
+            factors = [float(budget[term][step]) for term in TERMS]
+            usable = [factor if math.isfinite(factor) and factor > 0 else None for factor in factors]
+            columns[f"factors|{model}"] = [None if f is None else float(f"{f:.3g}") for f in usable]
+            columns[f"factor_texts|{model}"] = ["undefined" if f is None else f"× {f:.3g}" for f in usable]
+            columns[f"stems|{model}"] = [x for f in usable for x in (1, 1 if f is None else float(f"{f:.3g}"), None)]
+    return filled
+
+
+def budget_figure(table: SweepTable) -> Figure:
+    """Stems from 1 to each factor of the error budget, at the slider's step."""
+    names = list(TERMS.values())
+    rows = [y for n in range(len(names)) for y in (n, n, None)]
+    columns: Columns = {}
+    for model in table.models:
+        budget = error_budget(table, model)
+        every = np.concatenate([v[np.isfinite(v) & (v > 0)] for v in budget.values()])
+        low, high = (float(every.min()), float(every.max())) if len(every) else (0.5, 2.0)
+        columns[f"budget_ticks|{model}"] = [tick for tick in TICKS if min(low, 0.5) / 1.6 <= tick <= max(high, 2) * 1.6]
+        columns[f"budget_range|{model}"] = plain(np.log10([min(low, 0.5) / 1.6, max(high, 2) * 1.6]))
+    traces = [
+        {
+            "type": "scatter",
+            "mode": "lines",
+            "x": ref("stems|{model}"),
+            "y": rows,
+            "line": {"color": GREY, "width": 3},
+            "hoverinfo": "skip",
+            "showlegend": False,
+        },
+        {
+            "type": "scatter",
+            "mode": "markers+text",
+            "x": ref("factors|{model}"),
+            "y": list(range(len(names))),
+            "text": ref("factor_texts|{model}"),
+            "textposition": "top center",
+            "showlegend": False,
+            "cliponaxis": False,
+            "marker": {
+                "color": ["#0072B2", "#0072B2", "#0072B2", INK],
+                "size": 12,
+                "symbol": ["circle", "circle", "circle", "diamond"],
+            },
+            "hovertemplate": "× %{x:.3g}<extra></extra>",
+        },
+    ]
+    one = {"type": "line", "yref": "paper", "x0": 1, "x1": 1, "y0": 0, "y1": 1, "line": {"color": INK, "width": 1}}
+    return Figure(
+        "budget",
+        "Where the prediction departs from the measurement",
+        "Three factors multiply to measured over predicted single-frame PSS at the slider’s step. “Not found” is what "
+        "the points lose that are predicted and found in a part of the trials or never (detection_rate). “Bias” is the "
+        "root of noise_share: what every trial repeats. “Noise model and geometry” is the rest: these tables cannot "
+        "part the two, but NEES of the detections’ own covariances tests geometry alone. A factor of 1 is no "
+        "departure; with R as printed the last one has no meaning, since that R mixes units.",
+        "Four factors on a logarithmic axis: not found, bias, noise model with geometry, and their product.",
+        traces,
+        layout(
+            {
+                "type": "log",
+                "title": {"text": "factor on PSS"},
+                "range": ref("budget_range|{model}"),
+                "tickvals": ref("budget_ticks|{model}"),
+                "ticktext": ref("budget_ticks|{model}"),
+            },
+            {
+                "tickvals": list(range(len(names))),
+                "ticktext": names,
+                "range": [len(names) - 0.4, -0.75],
+                "showgrid": False,
+            },
+            shapes=[one],
+        ),
+        (),
+        columns,
+    )
+
+
+def visibility_columns(steps: Sequence[Step]) -> list[Columns]:
+    """How many markers each camera should see and found, should see and missed, or found unforeseen, at each step."""
+    filled = []
+    for step in steps:
+        found = np.array([sight.found for sight in step.sights])
+        filled.append(
+            {
+                "seen_cameras": [f"camera {camera.name}" for camera in step.cameras],
+                "seen_found": (step.visible & found).sum(axis=1).tolist(),
+                "seen_missed": (step.visible & ~found).sum(axis=1).tolist(),
+                "unseen_found": (~step.visible & found).sum(axis=1).tolist(),
+            }
+        )
+    return filled
+
+
+def visibility_figure(table: SweepTable) -> Figure:
+    """Bars of markers by camera: predicted visible and found, or missed."""
+    seen, missed = table.detection["visible_detected"], table.detection["visible_missed"]
+    bar = {"type": "bar", "orientation": "h", "y": ref("seen_cameras")}
+    traces = [
+        bar | {"x": ref("seen_found"), "name": "should be seen, found", "marker": {"color": "#0072B2"}},
+        bar
+        | {
+            "x": ref("seen_missed"),
+            "name": "should be seen, missed",
+            "marker": {
+                "color": "white",
+                "line": {"color": "#D55E00", "width": 1.5},
+                "pattern": {"shape": "/", "fgcolor": "#D55E00", "size": 6},
+            },
+        },
+        bar | {"x": ref("unseen_found"), "name": "found unforeseen", "marker": {"color": GREY}},
+    ]
+    return Figure(
+        "visibility",
+        "What the cameras should see, and find",
+        "Markers whose centre each camera should see at the slider’s step: found in half of the trials or more, or "
+        f"missed. Over all views of the sweep {seen} were found and {missed} missed. Missed markers are the part of the "
+        "departure that no noise model explains: the metric asks whether a centre is in view, the detector needs the "
+        "whole marker, large and sharp enough.",
+        "Bars of markers found and missed for each camera at the slider’s step.",
+        traces,
+        layout({"title": {"text": "markers"}}, {"autorange": "reversed"}, barmode="stack"),
+    )
