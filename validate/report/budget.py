@@ -132,7 +132,7 @@ def budget_figure(table: SweepTable) -> Figure:
 
 
 def visibility_columns(steps: Sequence[Step]) -> list[Columns]:
-    """How many markers each camera should see and found, should see and missed, or found unforeseen, at each step."""
+    """How many markers each camera should see and found, or missed, or found unforeseen, at each step."""
     filled = []
     for step in steps:
         found = np.array([sight.found for sight in step.sights])

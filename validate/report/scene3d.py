@@ -82,7 +82,7 @@ def scene_figure(table: SweepTable) -> Figure:
         traces += [
             _lines(f"edges|{group}", colour, 1.5)
             | {"name": "fields of view", "showlegend": False, "meta": {"layer": "frusta"}},
-            _mesh(f"planes|{group}", colour, 0.13) | {"lighting": flat, "meta": {"layer": "planes"}},
+            _mesh(f"planes|{group}", colour, 0.07) | {"lighting": flat, "meta": {"layer": "planes"}},
             _icons(f"cameras|{group}", colour, symbol, words),
             {
                 "type": "cone",
@@ -120,7 +120,7 @@ def scene_figure(table: SweepTable) -> Figure:
                 "xaxis": hidden,
                 "yaxis": hidden,
                 "zaxis": hidden,
-                "camera": {"eye": {"x": 0.5, "y": 1.05, "z": 0.62}, "center": {"x": 0, "y": 0, "z": -0.14}},
+                "camera": {"eye": {"x": 0.54, "y": 1.12, "z": 0.66}, "center": {"x": 0, "y": 0, "z": -0.14}},
             },
         },
         (

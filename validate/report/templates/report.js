@@ -147,7 +147,13 @@
         if (owner) owner.colorbar = { ...owner.colorbar, orientation: "h", y: -0.02, yanchor: "top", len: 0.9, thickness: 10,
           title: { ...owner.colorbar.title, side: "top" } };
       }
-      if (this.figure.id === "scene") { layout.margin = { l: 0, r: 0, t: 0, b: 60 }; layout.showlegend = false; }
+      if (this.figure.id === "scene") { 
+        layout.margin = { l: 0, r: 0, t: 0, b: 60 };
+        layout.showlegend = false;
+        const { camera } = layout.scene;
+        layout.scene = { ...layout.scene, camera: { ...camera,
+          eye: Object.fromEntries(Object.entries(camera.eye).map(([axis, value]) => [axis, 1.45 * value])) } };
+      }
     }
 
     // ---- the scene in space ---------------------------------------------------------------------------------------
