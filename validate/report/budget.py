@@ -169,9 +169,9 @@ def visibility_figure(table: SweepTable) -> Figure:
         "visibility",
         "What the cameras should see, and find",
         "Markers whose centre each camera should see at the slider’s step: found in half of the trials or more, or "
-        f"missed. Over all views of the sweep {seen} were found and {missed} missed. Missed markers are the part of the "
-        "departure that no noise model explains: the metric asks whether a centre is in view, the detector needs the "
-        "whole marker, large and sharp enough.",
+        f"missed. Over all views of the sweep {seen} were found and {missed} missed. Missed markers are the part of "
+        "the departure that no noise model explains: the metric asks whether a centre is in view, the detector needs "
+        "the whole marker, large and sharp enough.",
         "Bars of markers found and missed for each camera at the slider’s step.",
         traces,
         layout({"title": {"text": "markers"}}, {"autorange": "reversed"}, barmode="stack"),
