@@ -141,7 +141,8 @@ def test_a_marker_has_its_ellipsoid_lines_and_words(browser):
     words = browser.find_element(By.CSS_SELECTOR, "#zooming [data-said]").text
     assert "marker 5 on board" in words
     assert "ellipsoid" in words
-    # The page multiplies the root out itself, and begins and ends with opposite points: the ellipsoid's farthest point is 2.7955 σ away, enlarged as it says.
+    # The page multiplies the root out itself. The mesh begins and ends with opposite points; the farthest from the
+    # middle between them is 2.7955 σ away, enlarged as the page says.
     far, centre = browser.execute_script(
         "const p = arguments[0], e = p.data[p.data.length - 1], m = p.data.find((t) => t.meta && t.meta.pick);"
         "const c = ['x', 'y', 'z'].map((a) => (e[a][0] + e[a][e[a].length - 1]) / 2);"
