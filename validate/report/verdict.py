@@ -13,6 +13,13 @@ __all__ = ["FOLLOWS_FROM", "Verdict", "claims", "in_words", "remarks", "verdicts
 
 # The bound of the project's gate (README.md): an interval of ρ that lies above it is called a ranking that follows.
 FOLLOWS_FROM = 0.6
+# How settings of cameras are said; of what else is varied, the tables' own name is.
+IN_SENTENCES = {
+    "focus_distance_m": "a focus distance of {value} m",
+    "pan_deg": "a pan of {value}°",
+    "tilt_deg": "a tilt of {value}°",
+    "f_number": "f/{value}",
+}
 
 
 @dataclass(frozen=True)
@@ -72,7 +79,10 @@ def _minus(text: str) -> str:
 
 
 def _said(label: str) -> str:
-    return label.replace("=", " = ")
+    """A step's label in a sentence."""
+    parameter, _, value = label.partition("=")
+    words = IN_SENTENCES.get(parameter, "{parameter} = {value}")
+    return words.format(parameter=parameter, value=value) if value else label
 
 
 def _number(text: str | None) -> float:
