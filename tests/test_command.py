@@ -14,6 +14,7 @@ import pytest
 
 from validate.command_line import COMMANDS, OVERVIEW, misspelt
 from validate.run_sweep import run_sweep
+from validate.scale.options import Scale
 
 ROOT = Path(__file__).parents[1]
 SCRIPT = ROOT / "validate" / "run_sweep.py"
@@ -143,7 +144,7 @@ def test_help_fits_a_screen_and_names_every_command():
     assert max(len(line) for line in lines) <= 100
     for name in COMMANDS:
         assert re.search(rf"\b{name}\b", OVERVIEW), name
-    options = inspect.signature(run_sweep).parameters
+    options = {*inspect.signature(run_sweep).parameters, *inspect.signature(Scale).parameters}
     for option in re.findall(r"--([a-z-]+)", OVERVIEW):
         assert option == "help" or option.replace("-", "_") in options, option
 

@@ -23,6 +23,7 @@ COMMANDS = {
     "figures": "validate.print_figures.command",
     "new-scene": "validate.new_scene",
     "pixel-noise": "validate.pixel_noise.command",
+    "report": "validate.report.command",
     "schedule": "validate.hallway.command",
     "store": "validate.store_command",
 }
@@ -39,10 +40,10 @@ Commands (COMMAND --help says more):
   figures           the paper's Figures 1 to 4 from our runs, as PDF and SVG
   schedule          cameras follow two people who pass each other, by one strategy after the other
   bank              all metrics and noise models on configurations from a bank of views
-  calibration-error, pixel-noise, store
+  report, store, pixel-noise, calibration-error
 
 Options of sweeps (zoom --help has all): --scene FILE  --out DIR  --store DIR  --trials N  --seed N
-  --dry-run  --quiet  --workers N  --set KEY=VALUE (a key ends in its unit: exposure_ms, focus_distance_m)
+  --dry-run  --quiet  --workers N  --set KEY=VALUE (a key ends in its unit, as exposure_ms does)
 
 Examples:
   run_sweep.py zoom focus selection

@@ -23,7 +23,7 @@ PLAIN_WIDTH = 140
 
 
 class RunMessages:
-    """A context around a run; `messages(total)` counts the views of one pass, as `validate.acquire.acquire` asks for it.
+    """A context around a run; `messages(total)` counts the views of one pass, as `acquire` asks for it.
 
     Nothing is written before `start`, so that a mistake that is found until then leaves no folder. If the context ends
     with an exception, the last event says which, and the exception goes on.

@@ -122,7 +122,9 @@ def run(
         return EXIT_DONE
 
 
-def _judge(wanted: Wanted, folder: Path, store: Store, chosen: backend.Backend, messages: RunMessages, scale: Scale) -> int:
+def _judge(
+    wanted: Wanted, folder: Path, store: Store, chosen: backend.Backend, messages: RunMessages, scale: Scale
+) -> int:
     """Get the views, predict and measure, and leave tables, figures and film; the exit code."""
     begin = time.perf_counter()
     acquired = acquire(wanted.views, store, chosen, messages, scale)

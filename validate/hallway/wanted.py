@@ -42,7 +42,9 @@ class Wanted:
             return self
         training = [place for place in self.training if _whole(place.wanted, failed)]
         if lost := len(self.training) - len(training):
-            messages.left_out(f"{lost} of {len(self.training)} places to calibrate on left out, as a view of each failed")
+            messages.left_out(
+                f"{lost} of {len(self.training)} places to calibrate on left out, as a view of each failed"
+            )
         design = self.design.without(failed)
         for run in self.design.runs:
             if run not in design.runs:
