@@ -51,7 +51,7 @@ SLOW = {
     ".venv/bin/python -m validate.findings": "tests/test_findings.py compares its output with the page",
     ".venv/bin/oiiotool": "needs a run's views; tests/test_exr.py reads the same layers",
     "pip install": "fetches packages",
-    "python validate/run_sweep.py zoom focus selection --workers": "eight minutes; tests/test_scale.py runs smaller ones",
+    "python validate/run_sweep.py zoom focus selection --workers": "eight minutes; test_scale.py runs less",
     "python validate/run_sweep.py bank --cluster": "needs a cluster; tests/test_scale.py starts one",
     "dask scheduler": "runs until it is stopped; tests/test_scale.py starts it",
     "dask worker": "the same",
