@@ -49,10 +49,13 @@ BLOCKS = [block for page in PAGES for block in blocks_of(page)]
 
 
 def shell_lines() -> dict[str, str]:
-    """Each line of the `sh` blocks, comments left out and continued lines joined, with the page that has it first."""
+    """Each line of the `sh` blocks, comments left out and continued lines joined, with the page that has it first.
+
+    Without those of docs/commands.md, which stand on each other: tests/test_commands_doc.py runs them in their order.
+    """
     lines: dict[str, str] = {}
     for block in BLOCKS:
-        if block.language == "sh":
+        if block.language == "sh" and block.page != "docs/commands.md":
             for line in block.text.replace("\\\n", " ").splitlines():
                 words = shlex.split(line, comments=True)
                 if words:

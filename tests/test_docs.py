@@ -29,6 +29,7 @@ from scenes import load_scene, load_sweep
 from tests.documents import BLOCKS, DOCS, PAGES, ROOT, shell_lines, toml_file
 from validate import compare, run_sweep
 from validate.bank import study
+from validate.command_line import COMMANDS
 
 # Pages whose Python needs what another test gives it.
 RUN_ELSEWHERE = {"docs/scenes.md": "tests/test_exr.py::test_the_documented_way_to_read_a_view_runs"}
@@ -45,6 +46,8 @@ SLOW = {
     ".venv/bin/python validate/run_sweep.py exposure-motion": "renders the hallway with motion blur for minutes",
     ".venv/bin/python validate/run_sweep.py pixel-noise": "about six minutes",
     ".venv/bin/python validate/run_sweep.py zoom --set sensor.exposure_ms=8": "renders forty views",
+    ".venv/bin/python validate/run_sweep.py new-scene": "tests/test_commands_doc.py runs it",
+    ".venv/bin/python validate/run_sweep.py check": "the same",
     ".venv/bin/python validate/run_sweep.py zoom --trials 5": "a minute and a half; an acceptance test runs it",
     ".venv/bin/python validate/run_sweep.py docs/examples/lab-zoom.toml": "the same",
     ".venv/bin/python -m pip install --no-deps": "builds a package; an acceptance test installs it",
@@ -226,9 +229,9 @@ def test_slow_commands_are_understood(line, monkeypatch):
 
     monkeypatch.chdir(ROOT)
     begun = []
-    monkeypatch.setattr(run, "execute", lambda options, console, errors: begun.append(run._loaded(options)) or 0)
+    monkeypatch.setattr(run, "execute", lambda options, messages: begun.append(run._loaded(options)) or 0)
     words = arguments(line)
-    module = run_sweep.SUBCOMMANDS.get(words[0])
+    module = COMMANDS.get(words[0])
     if module is not None:
         command = importlib.import_module(module)
         asked = command.run
