@@ -12,6 +12,7 @@ import importlib.metadata
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -94,19 +95,20 @@ def packaged_libllvm() -> Path | None:
     return next((path for path in found if path.exists()), None)
 
 
-def _candidates() -> list[tuple[str, str]]:
-    """Libraries to try, each with where it comes from, the user's own choice first."""
-    found = []
+def _candidates() -> Iterator[tuple[str, str]]:
+    """Libraries to try, each with where it comes from, the user's own choice first.
+
+    One after the other, as they are asked for: to look for a library of the system starts a compiler.
+    """
     if chosen := os.environ.get("DRJIT_LIBLLVM_PATH"):
-        found.append((chosen, "DRJIT_LIBLLVM_PATH"))
+        yield chosen, "DRJIT_LIBLLVM_PATH"
     if packaged := packaged_libllvm():
-        found.append((str(packaged), "packaged"))
+        yield str(packaged), "packaged"
     names = ["LLVM", *(f"LLVM-{major}" for major in range(30, OLDEST_LLVM - 1, -1))]
     if sys.platform == "darwin":
         homes = ("/opt/homebrew/opt/llvm/lib", "/usr/local/opt/llvm/lib")
-        found += [(f"{home}/libLLVM.dylib", "system") for home in homes if Path(home, "libLLVM.dylib").exists()]
-    found += [(library, "system") for name in names if (library := ctypes.util.find_library(name))]
-    return found
+        yield from ((f"{home}/libLLVM.dylib", "system") for home in homes if Path(home, "libLLVM.dylib").exists())
+    yield from ((library, "system") for name in names if (library := ctypes.util.find_library(name)))
 
 
 def choose(variant: str | None = None) -> Backend:

@@ -509,7 +509,8 @@ def test_an_interrupt_ends_all_processes_and_leaves_no_unfinished_file(closet, a
         assert process.returncode == 130, errors
         assert "Traceback" not in errors
         gone, left = psutil.wait_procs(started, timeout=1)
-        assert not left, gone
+        # What nobody has asked for yet has ended all the same.
+        assert not [each for each in left if each.status() != psutil.STATUS_ZOMBIE], gone
     assert not [path for path in (closet / f"store-{name}").rglob(".*") if path.is_file()]
     kept = len(whole_views_of(closet / f"store-{name}"))
     with running(closet, *scaled(closet, name, "--workers", 2)) as process:

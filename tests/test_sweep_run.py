@@ -500,7 +500,7 @@ def test_set_overrides_scene_and_sweep(closet):
     """--set reaches both files; a brighter exposure is not the stored view."""
     result = run(closet, "pairs.toml", "--set", "sensor.exposure_ms=4", "--set", "sweep.trials=2", "--dry-run")
     assert result.returncode == 0, result.stderr
-    assert "4 views: 4 to render, 4 to measure" in result.stdout
+    assert "4 views: 4 to render (0 stored), 4 to measure (0 stored)" in result.stdout
 
 
 def test_too_much_light_is_said_aloud(closet):

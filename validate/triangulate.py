@@ -98,7 +98,7 @@ def triangulate(cameras: Sequence[PTZCamera], pixels: ArrayLike, covariance: Arr
         linear_m=linear_m.reshape(*shape, 3),
         views=found.used.sum(axis=0).reshape(shape),
         rejected=found.rejected.sum(axis=0).reshape(shape),
-        used=found.used.reshape(-1, *shape),
+        used=found.used.reshape(detected.shape),
     )
 
 
@@ -117,7 +117,7 @@ def triangulated_points(
     shape = detected.shape[1:]
     return (
         found.points_m.reshape(*shape, 3),
-        found.used.reshape(-1, *shape),
+        found.used.reshape(detected.shape),
         found.rejected.sum(axis=0).reshape(shape),
     )
 

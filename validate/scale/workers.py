@@ -8,6 +8,7 @@ failures, `allowed-failures`, is also raised for jobs that merely waited at the 
 from __future__ import annotations
 
 import logging
+import multiprocessing
 import os
 import pickle
 import queue
@@ -18,6 +19,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
+from multiprocessing.process import BaseProcess
 from typing import Any
 
 import dask
@@ -204,6 +206,7 @@ def _here(number: int) -> Iterator[Workers]:
     with dask.config.set(nanny):
         # Started by another thread, it would leave that thread open to signals again.
         resource_tracker.ensure_running()
+        others = set(multiprocessing.active_children())
         # Threads and processes that are started now never see Ctrl-C, not even while they start.
         with interrupts_held():
             try:
@@ -228,6 +231,16 @@ def _here(number: int) -> Iterator[Workers]:
                 _stop(cluster)
                 _quietly(client.close)
                 _quietly(lambda: cluster.close(SECONDS_TO_STOP))
+                _end_late_ones(others)
+
+
+def _end_late_ones(others: set[BaseProcess]) -> None:
+    """End processes that nannies were starting, in place of dead ones, while all were ended."""
+    end = time.monotonic() + SECONDS_TO_STOP
+    while (late := set(multiprocessing.active_children()) - others) and time.monotonic() < end:
+        for process in late:
+            process.kill()
+            process.join(0.1)
 
 
 def _stop(cluster: LocalCluster) -> None:
