@@ -18,8 +18,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import archspec.cpu
-
 from pss import MissingLibraryError, RangeError
 
 __all__ = ["VARIANTS", "Backend", "choose", "processor_mark", "set_threads", "start"]
@@ -73,6 +71,8 @@ def processor_mark() -> str:
     The kind is the set of instructions that compilers and numerical libraries choose their code by: microarchitectures
     of one level round alike. Nothing is added for `UNNAMED_PROCESSOR`.
     """
+    import archspec.cpu  # late: nobody else asks, and it takes a twentieth of a second
+
     kind = archspec.cpu.host().generic.name
     return "" if kind == UNNAMED_PROCESSOR else f"-{kind}"
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-import subprocess
 import time
 
 import pytest
 
+from tests.disks import remounted, small_file_system
 from tests.test_killed import check_all_whole, tables, temporary_files, uninterrupted, with_sweep
 
 # Room for the light and for one of two views of 250 kB each; and for all.
@@ -26,21 +26,8 @@ def whole(runs, tmp_path_factory):
 def small_disk(tmp_path):
     """A folder with the sweep, whose store is a file system too small for it, where this process may mount one."""
     folder = with_sweep(tmp_path / "run")
-    (folder / "store").mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", f"size={TOO_SMALL}", "tmpfs", str(folder / "store")]
-    try:
-        done = subprocess.run(mount, capture_output=True, text=True, check=False)
-    except FileNotFoundError:
-        pytest.skip("no mount command here")
-    if done.returncode:
-        pytest.skip(f"no file system can be mounted here: {done.stderr.strip()}")
-    yield folder
-    subprocess.run(["umount", str(folder / "store")], check=True)
-
-
-def remounted(folder, options):
-    """Mount the store of a folder anew."""
-    subprocess.run(["mount", "-o", f"remount,{options}", str(folder / "store")], check=True)
+    with small_file_system(folder / "store", TOO_SMALL):
+        yield folder
 
 
 def the_line(said):
@@ -76,7 +63,7 @@ def test_a_run_on_a_full_disk_says_what_it_needs_and_goes_on_when_there_is_room(
     assert not temporary_files(small_disk)
     check_all_whole(small_disk, whole[1])
     stored = {path: path.stat().st_mtime_ns for path in (small_disk / "store").rglob("*.exr")}
-    remounted(small_disk, f"size={ENOUGH}")
+    remounted(small_disk / "store", f"size={ENOUGH}")
     code, said = runs.run(small_disk)
     assert code == 0, said
     assert "set aside" not in said
@@ -88,22 +75,22 @@ def test_a_run_on_a_full_disk_says_what_it_needs_and_goes_on_when_there_is_room(
 @pytest.mark.acceptance
 def test_a_run_on_a_store_that_cannot_be_written_uses_what_is_there(runs, whole, small_disk):
     """With all of it, as ever; with a view missing, or one damaged, a line, and nothing is touched."""
-    remounted(small_disk, f"size={ENOUGH}")
+    remounted(small_disk / "store", f"size={ENOUGH}")
     assert runs.run(small_disk)[0] == 0
-    remounted(small_disk, "ro")
+    remounted(small_disk / "store", "ro")
     code, said = runs.run(small_disk, "again")
     assert code == 0, said
     assert tables(small_disk / "again") == whole[1]
     view = next((small_disk / "store").rglob("*.exr"))
-    remounted(small_disk, "rw")
+    remounted(small_disk / "store", "rw")
     content = view.read_bytes()
     view.unlink()
-    remounted(small_disk, "ro")
+    remounted(small_disk / "store", "ro")
     code, said = runs.run(small_disk, "again")
     assert (code, "cannot be written, and 1 of 2 views are missing" in the_line(said)) == (2, True)
-    remounted(small_disk, "rw")
+    remounted(small_disk / "store", "rw")
     view.write_bytes(content[:-1])
-    remounted(small_disk, "ro")
+    remounted(small_disk / "store", "ro")
     code, said = runs.run(small_disk, "again")
     print(the_line(said).replace(str(small_disk), "…"))
     assert (code, "cannot be set aside" in the_line(said)) == (2, True)

@@ -6,7 +6,6 @@ import dataclasses
 import errno
 import os
 import re
-import subprocess
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
@@ -14,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.disks import remounted, small_file_system
 from tests.views import an_awkward_view
 from validate.store import Store, StoreError, atomic_path, write_text
 from validate.stored_views import load_view, save_view
@@ -294,17 +294,8 @@ def test_a_full_disk_leaves_what_is_stored(tmp_path, monkeypatch):
 @pytest.fixture
 def small_disk(tmp_path):
     """A file system of one megabyte, where this process may mount one."""
-    folder = tmp_path / "disk"
-    folder.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", f"size={SMALL_DISK_BYTES}", "tmpfs", str(folder)]
-    try:
-        done = subprocess.run(mount, capture_output=True, text=True, check=False)
-    except FileNotFoundError:
-        pytest.skip("no mount command here")
-    if done.returncode:
-        pytest.skip(f"no file system can be mounted here: {done.stderr.strip()}")
-    yield folder
-    subprocess.run(["umount", str(folder)], check=True)
+    with small_file_system(tmp_path / "disk", str(SMALL_DISK_BYTES)) as folder:
+        yield folder
 
 
 @pytest.mark.acceptance
@@ -342,7 +333,7 @@ def test_a_store_that_cannot_be_written_serves_what_it_has(small_disk, caplog):
         store.save(store.light(name), ARRAYS)
     sum_path(store.light("older")).unlink()
     store.light("damaged").write_bytes(b"x")
-    subprocess.run(["mount", "-o", "remount,ro", str(small_disk)], check=True)
+    remounted(small_disk, "ro")
     assert not store.writable
     assert store.load(store.light("whole")) is not None
     assert store.load(store.light("older")) is not None

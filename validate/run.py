@@ -29,7 +29,7 @@ from validate.sweep import Plan, SweepResult, assess_sweep, plan
 from validate.versions import versions
 from validate.warnings_of_views import warn_of_render_noise, warn_of_saturation
 
-__all__ = ["Options", "check_folders", "execute", "linked_views", "versions"]
+__all__ = ["Options", "check_folders", "execute", "linked_views"]
 
 
 @dataclass(frozen=True)

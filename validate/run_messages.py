@@ -47,7 +47,6 @@ class RunMessages:
         self.notes = Console(stderr=True, quiet=quiet)
         self.errors = Console(stderr=True)
         self._events: EventFile | None = None
-        self._said: dict[str, object] = {}
 
     def __enter__(self) -> RunMessages:
         return self

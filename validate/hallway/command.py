@@ -15,6 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from pss import RangeError
+from pss.noise import Calibration
 from render import backend
 from scenes import load_scene
 from scenes.schedule_file import load_schedule
@@ -133,10 +134,12 @@ def _judge(
     after_views = time.perf_counter()
     tables: dict[str, list[Row]] = {}
     if whole is not None:
-        tables = _leave_tables(whole, acquired, folder)
+        calibration = calibrate_hallway(whole.training, acquired)
+        write_text(folder / "calibrated.toml", calibration.to_toml())
+        tables = _leave_tables(whole, acquired, calibration, folder)
         linked_views(folder, [i.request.key for i in wanted.views if i.request.key not in acquired.failed], store)
         if whole.real is not None:
-            tracked = track_real_walk(whole.real, acquired, calibrate_hallway(whole.training, acquired))
+            tracked = track_real_walk(whole.real, acquired, calibration)
             said = whole.design.schedule.said
             told = said.process.acceleration_density_m2_s3
             with_whole_views(
@@ -161,12 +164,10 @@ def _judge(
     )
 
 
-def _leave_tables(whole: Wanted, acquired: Acquired, folder: Path) -> dict[str, list[Row]]:
-    """Tables and figure of the held steps, and what was calibrated for them."""
+def _leave_tables(whole: Wanted, acquired: Acquired, calibration: Calibration, folder: Path) -> dict[str, list[Row]]:
+    """Tables and figure of the held steps."""
     design = whole.design
-    calibration = calibrate_hallway(whole.training, acquired)
     held = assess_held(design, acquired, calibration)
-    write_text(folder / "calibrated.toml", calibration.to_toml())
     results = [result_of(held, avatar) for avatar in design.stage.groups]
     both = results[-1]
     first = _run_of(design.runs, "follow")
