@@ -20,7 +20,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from validate.contact_sheet import contact_sheet
-from validate.illustration import draw_configuration, shared_colours
+from validate.illustration import colour_scale, draw_configuration, shared_colours
 from validate.intervals import interval
 from validate.slopes import Slopes, slopes_of
 from validate.store import Store, atomic_path
@@ -47,6 +47,8 @@ AXIS_NAMES = {
     "cameras": "number of cameras",
 }
 DPI = 130
+# Room for the star of an optimum.
+ABOVE_OPTIMUM = 1.08
 SUFFIXES = ("", "_points", "_captures")
 # Tables that no figure shows and that differ from run to run.
 NOT_SHOWN = ("timings.csv",)
@@ -93,17 +95,13 @@ def sweep_figure(result: SweepResult) -> Figure:
     """Two configurations of a sweep in space above, predicted and measured PSS over its steps below."""
     figure = plt.figure(figsize=(12, 10), layout="constrained")
     figure.suptitle(result.plan.sweep.title, fontsize=15)
-    grid = figure.add_gridspec(2, 2, height_ratios=[1.15, 1])
+    grid = figure.add_gridspec(2, 2, height_ratios=[1.05, 1])
     shown = (len(result.configurations) // 4, len(result.configurations) - 1)
     norm = shared_colours(result, shown)
     for column, step in enumerate(shown):
         axes = figure.add_subplot(grid[0, column], projection="3d")
         draw_configuration(axes, result, step, norm)
-    bar = figure.colorbar(
-        matplotlib.cm.ScalarMappable(norm, "viridis_r"), ax=figure.axes[:2], shrink=0.7, pad=0.02, aspect=30
-    )
-    bar.ax.yaxis.set_major_formatter("{x:g}")
-    bar.ax.yaxis.set_minor_formatter("{x:g}")
+    bar = colour_scale(figure, figure.axes[:2], norm, shrink=0.7, pad=0.02, aspect=30)
     bar.set_label(f"predicted √λmax of C in mm ({result.noise_models[-1]}); grey: unobservable")
     draw_curves(figure.add_subplot(grid[1, 0]), result, single_frame=True)
     found = slopes_of(result) if result.plan.sweep.varies_scene else None
@@ -134,7 +132,7 @@ def draw_curves(axes: Axes, result: SweepResult, single_frame: bool) -> None:
     axes.set_title(f"{kind} (★ optimum)", fontsize=11)
     if selection:
         axes.set_xticks(x, labels)
-    axes.set_ylim(bottom=0)
+    axes.set_ylim(bottom=0, top=max(ABOVE_OPTIMUM, axes.get_ylim()[1]))
     axes.grid(alpha=0.3)
     axes.legend(fontsize=8)
 
@@ -162,8 +160,13 @@ def _slopes(axes: Axes, result: SweepResult, found: Slopes) -> None:
 def _curve(axes: Axes, x: NDArray[np.generic], pss: Floats, colour: str, style: str, name: str) -> None:
     best = int(np.argmax(pss))
     scale = pss[best] or 1.0
-    axes.plot(x, pss / scale, style, color=colour, ms=4, lw=1.5, label=f"{name} (max {scale:.3g} /m)")
+    axes.plot(x, pss / scale, style, color=colour, ms=4, lw=1.5, label=f"{name} (max {_counted(scale)} /m)")
     axes.plot(x[best], 1.0, "*", color=colour, ms=15, mec="white", zorder=5)
+
+
+def _counted(pss: float) -> str:
+    """Three digits, and no powers of ten: 39,700."""
+    return f"{float(f'{pss:.3g}'):,g}" if pss < 1e6 else f"{pss:.3g}"
 
 
 def points_figure(result: SweepResult) -> Figure:

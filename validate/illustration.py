@@ -5,7 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colorbar import Colorbar
 from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure, SubFigure
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from numpy.typing import NDArray
@@ -17,14 +21,20 @@ from render.state import Room
 from scenes import Scene
 from validate.sweep import SweepResult
 
-__all__ = ["draw_configuration", "shared_colours"]
+__all__ = ["COLOUR_MAP", "colour_scale", "draw_configuration", "shared_colours"]
 
 Floats = NDArray[np.float64]
 
+COLOUR_MAP = "viridis_r"
+"""Of σ: bright is precise; even in lightness, so that it is read without colour vision too."""
 PLATE_MODULES = 8.0
 # Of a finer mesh every so many faces are drawn.
 MOST_FACES_DRAWN = 2000
+# So that no camera hides before the ball.
+ELEVATION_DEG, AZIMUTH_DEG, CLOSER = 38.0, 62.0, 1.3
 VARIED, OTHER, IDLE = "#D55E00", "#0072B2", "0.7"
+# Of the numbers between powers of ten those that begin so have room beside a colour scale.
+SAID_BETWEEN_DECADES = "235"
 
 
 def shared_colours(result: SweepResult, steps: Sequence[int]) -> LogNorm:
@@ -33,6 +43,14 @@ def shared_colours(result: SweepResult, steps: Sequence[int]) -> LogNorm:
     known = sigma[np.isfinite(sigma)]
     low, high = (np.percentile(known, [2, 98])) if len(known) else (1.0, 10.0)
     return LogNorm(low, max(high, low * 1.01))
+
+
+def colour_scale(figure: Figure | SubFigure, above: Sequence[Axes], norm: LogNorm, **layout: float) -> Colorbar:
+    """The scale of the markers' colours beside the axes that show them; `layout` as of `Figure.colorbar`."""
+    bar = figure.colorbar(ScalarMappable(norm, COLOUR_MAP), ax=list(above), **layout)
+    bar.ax.yaxis.set_major_formatter("{x:g}")
+    bar.ax.yaxis.set_minor_formatter(lambda x, _: f"{x:g}" if f"{x:.0e}"[0] in SAID_BETWEEN_DECADES else "")
+    return bar
 
 
 def _sigma_mm(result: SweepResult, step: int) -> Floats:
@@ -49,7 +67,7 @@ def draw_configuration(
     scene = configuration.scene
     room = scene.state.room
     sigma = _sigma_mm(result, step)
-    colours = matplotlib.colormaps["viridis_r"](norm(np.nan_to_num(sigma, nan=norm.vmax)))
+    colours = matplotlib.colormaps[COLOUR_MAP](norm(np.nan_to_num(sigma, nan=norm.vmax)))
     colours[~np.isfinite(sigma)] = (0.72, 0.72, 0.72, 1)
     _objects(axes, scene)
     plates = [plate_corners(marker, PLATE_MODULES) for marker in scene.state.markers]
@@ -66,11 +84,14 @@ def draw_configuration(
             axes.text(*camera.position_m, f" {camera.name}", color=IDLE, fontsize=8)
     x, y, z = room.width_m / 2, room.length_m / 2, room.height_m
     axes.set(xlim=(-x, x), ylim=(-y, y), zlim=(0, z))
-    axes.set_box_aspect((room.width_m, room.length_m, room.height_m), zoom=1.25)
-    axes.view_init(elev=38, azim=62)
+    axes.set_box_aspect((room.width_m, room.length_m, room.height_m), zoom=CLOSER)
+    axes.view_init(elev=ELEVATION_DEG, azim=AZIMUTH_DEG)
     axes.set_xticks([]), axes.set_yticks([]), axes.set_zticks([])
     pss = result.assessments[step].predicted[result.noise_models[-1]].pss_single_frame
-    axes.set_title(f"{configuration.label}   PSS of C = {pss:.0f} /m", fontsize=11)
+    for item in (*axes.lines, *axes.collections):  # the room is larger than its axes
+        item.set_clip_on(False)
+        item.set_in_layout(False)
+    axes.set_title(f"{configuration.label}   PSS of C = {pss:,.0f} /m", fontsize=11)
 
 
 def _differs(result: SweepResult, name: str, first: dict[str, PTZCamera]) -> bool:

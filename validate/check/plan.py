@@ -10,7 +10,6 @@ matplotlib.use("Agg")
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
@@ -29,6 +28,7 @@ from scenes.dictionaries import DICTIONARIES
 from validate.check.foreseen import ENOUGH, Foreseen
 from validate.figures import MODEL_COLOURS
 from validate.hallway.wedge import footprint_m
+from validate.illustration import COLOUR_MAP, colour_scale
 from validate.store import atomic_path
 
 __all__ = ["plan_figure", "write_plan"]
@@ -77,10 +77,8 @@ def plan_figure(seen: Foreseen) -> Figure:
         _draw(panel, seen, name, norm)
     key = figure.add_subplot(grid[0, 1])
     _key(key, seen)
-    bar = figure.colorbar(ScalarMappable(norm, "viridis_r"), ax=list(axes.values()), shrink=0.6, aspect=35, pad=0.01)
+    bar = colour_scale(figure, list(axes.values()), norm, shrink=0.6, aspect=35, pad=0.01)
     bar.set_label(f"predicted √λmax of C in mm ({seen.shown_model}); × : unobservable")
-    bar.ax.yaxis.set_major_formatter("{x:g}")
-    bar.ax.yaxis.set_minor_formatter("{x:g}")
     bar.ax.tick_params(which="minor", labelsize=7)
     return figure
 
@@ -223,7 +221,7 @@ def _markers(axes: Axes, seen: Foreseen, plane: tuple[int, int], norm: LogNorm) 
     state = seen.scene.state
     modules = DICTIONARIES[state.print.dictionary].modules + 2 * state.print.quiet_zone_modules
     sigma = _sigma_mm(seen)
-    colours = matplotlib.colormaps["viridis_r"](norm(np.nan_to_num(sigma, nan=norm.vmax)))
+    colours = matplotlib.colormaps[COLOUR_MAP](norm(np.nan_to_num(sigma, nan=norm.vmax)))
     lost = ~np.isfinite(sigma)
     colours[lost] = (1, 1, 1, 1)
     plates = np.array([plate_corners(marker, modules) for marker in state.markers])[:, :, plane]
@@ -267,7 +265,7 @@ def _key(axes: Axes, seen: Foreseen) -> None:
         Line2D(
             [], [], marker="x", color=UNSEEN, ls="", ms=6, mew=1.5, label=f"marker that fewer than {ENOUGH} cameras see"
         ),
-        Patch(facecolor=matplotlib.colormaps["viridis_r"](0.3), edgecolor="0.25", label="marker, coloured by its σ"),
+        Patch(facecolor=matplotlib.colormaps[COLOUR_MAP](0.3), edgecolor="0.25", label="marker, coloured by its σ"),
         Line2D([], [], color="0.3", ls=(0, (4, 3)), lw=0.9, label="axis of a camera, up to its focus"),
         Patch(facecolor=(0, 0.45, 0.7, 0.1), edgecolor="#0072B2", label="field of view at the markers' median height"),
     ]

@@ -8,15 +8,15 @@ from pathlib import Path
 
 import matplotlib
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure, SubFigure
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Path3DCollection
 
+from validate.illustration import colour_scale
 from validate.store import atomic_path
 
-__all__ = ["WIDTH_IN", "colour_scale", "for_print", "print_style", "save"]
+__all__ = ["WIDTH_IN", "for_print", "print_colour_scale", "print_style", "save"]
 
 WIDTH_IN = 7.0
 """Inches: a text's width on letter or A4 paper."""
@@ -77,11 +77,8 @@ def for_print(axes: Axes) -> None:
         axes.legend(fontsize=SIZES_PT["legend.fontsize"], frameon=False, handlelength=1.6)
 
 
-def colour_scale(figure: Figure | SubFigure, above: list[Axes], norm: LogNorm, model: str) -> None:
+def print_colour_scale(figure: Figure | SubFigure, above: list[Axes], norm: LogNorm, model: str) -> None:
     """The scale of the markers' colours, beside the axes that show them."""
-    bar = figure.colorbar(ScalarMappable(norm, "viridis_r"), ax=above, shrink=0.8, pad=0.01, aspect=30)
-    bar.ax.yaxis.set_major_formatter("{x:g}")
-    # Of the numbers between powers of ten these have room.
-    bar.ax.yaxis.set_minor_formatter(lambda x, _: f"{x:g}" if f"{x:.0e}"[0] in "235" else "")
+    bar = colour_scale(figure, above, norm, shrink=0.8, pad=0.01, aspect=30)
     bar.ax.tick_params(which="both", labelsize=6)
     bar.set_label(f"predicted √λmax of C in mm\n({model}); grey: unobservable", fontsize=7)

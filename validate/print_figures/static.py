@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from validate.figures import draw_curves
 from validate.illustration import draw_configuration, shared_colours
 from validate.intervals import interval
-from validate.print_figures.save import WIDTH_IN, colour_scale, for_print
+from validate.print_figures.save import WIDTH_IN, for_print, print_colour_scale
 from validate.sweep import SweepResult
 
 __all__ = ["SWEEPS", "shown_steps", "static_figure", "static_rows"]
@@ -26,8 +26,6 @@ TITLES = {"zoom=": "zoom ×", "focus_distance_m=": "focus at "}
 HEIGHT_IN = 5.2
 # From lower than on the screen, and closer: less of the empty floor.
 ELEVATION_DEG, AZIMUTH_DEG, CLOSER = 22.0, 62.0, 1.4
-# Room for the star of an optimum.
-ABOVE_OPTIMUM = 1.06
 
 
 def shown_steps(number: int, labels: list[str]) -> tuple[int, int]:
@@ -54,11 +52,10 @@ def static_figure(number: int, result: SweepResult) -> Figure:
         axes.set_box_aspect((room.width_m, room.length_m, room.height_m), zoom=CLOSER)
         axes.view_init(elev=ELEVATION_DEG, azim=AZIMUTH_DEG)
         tops.append(axes)
-    colour_scale(figure, tops, norm, result.noise_models[-1])
+    print_colour_scale(figure, tops, norm, result.noise_models[-1])
     for column, single_frame in enumerate((True, False)):
         axes = figure.add_subplot(grid[1, column])
         draw_curves(axes, result, single_frame)
-        axes.set_ylim(top=ABOVE_OPTIMUM * axes.get_ylim()[1])
         for_print(axes)
     return figure
 
@@ -71,7 +68,7 @@ def _title(result: SweepResult, step: int) -> str:
     if result.configurations[step].parameter == "selection":
         label = f"cameras {label}"
     pss = result.assessments[step].predicted[result.noise_models[-1]].pss_single_frame
-    return f"{label}, PSS of C {pss:.3g} /m"
+    return f"{label}, PSS of C {pss:,.0f} /m"
 
 
 def static_rows(number: int, result: SweepResult) -> list[Row]:

@@ -12,7 +12,7 @@ from validate.hallway.results import KINDS, ScheduleResult
 from validate.hallway.runs import limit_name
 from validate.illustration import draw_configuration, shared_colours
 from validate.intervals import interval
-from validate.print_figures.save import WIDTH_IN, colour_scale, for_print
+from validate.print_figures.save import WIDTH_IN, for_print, print_colour_scale
 
 __all__ = ["moments", "walk_figure", "walk_rows"]
 
@@ -55,7 +55,7 @@ def walk_figure(result: ScheduleResult) -> Figure:
         axes.set_title(f"strategy (1), y of {result.held.design.stage.names[0]} = {where}")
         for_print(axes)
         tops.append(axes)
-    colour_scale(above, tops, norm, result.noise_models[-1])
+    print_colour_scale(above, tops, norm, result.noise_models[-1])
     panels = below.subplots(1, 2, sharey=True)
     for axes, strategies in zip(panels, PANELS, strict=True):
         draw_panel(axes, result, list(strategies), KIND)
