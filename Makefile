@@ -2,6 +2,7 @@
 # make test    set up, lint, type-check pss/, and run the tests, the correlation gate among them
 # make acceptance   what must be shown but takes longer than `make test` may
 # make docs    the documentation as a site, docs/_build/html/index.html
+# make first-screen   draw the README's first picture anew, from the zoom sweep's stored views
 # make notebook    run docs/notebook.ipynb again and keep its outputs
 # make lock    write requirements.lock and requirements-evo.lock anew from pyproject.toml
 
@@ -14,7 +15,7 @@ UV_VERSION := 0.13.9
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: sweep test lint tests acceptance docs notebook lock clean
+.PHONY: sweep test lint tests acceptance docs first-screen notebook lock clean
 
 sweep: $(VENV)/installed
 	$(BIN)/python validate/run_sweep.py zoom focus selection $(ARGS)
@@ -34,6 +35,9 @@ acceptance: $(VENV)/installed-evo
 
 docs: $(VENV)/installed
 	$(BIN)/python -m sphinx -q -W --keep-going -n -d docs/_build/doctrees docs docs/_build/html
+
+first-screen: $(VENV)/installed
+	PYTHONPATH=. $(BIN)/python docs/draw_first_screen.py
 
 notebook: $(VENV)/installed
 	PYTHONPATH=. $(BIN)/python docs/run_notebook.py

@@ -15,13 +15,20 @@ import runpy
 import subprocess
 import sys
 import tomllib
+import types
 from pathlib import Path
 
+import matplotlib
+import numpy as np
 import pytest
+from matplotlib.colors import LogNorm
 
 import pss
+from render.glow import GlowMeshes
+from render.state import Room
 from tests.documents import BLOCKS, DOCS, ROOT
 from validate import run_sweep
+from validate.report.frusta import room_corners
 
 EQUATIONS_OF_THE_PAPER = 15
 NOTEBOOK = DOCS / "notebook.ipynb"
@@ -207,6 +214,49 @@ def test_every_public_name_and_every_metric_is_described(site):
 def test_make_docs_builds_as_the_test_does():
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     assert "-m sphinx -q -W --keep-going -n -d docs/_build/doctrees docs docs/_build/html" in makefile
+
+
+# ---- the first picture ----------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def first_screen():
+    """The names of docs/draw_first_screen.py."""
+    return runpy.run_path(str(DOCS / "draw_first_screen.py"))
+
+
+def test_the_first_picture_looks_into_the_room_through_what_is_taken_away(first_screen):
+    """Of the six sides of a room the two before the eye and the ceiling with its lamps go; the rest stays as it was."""
+    room = Room(6.0, 4.0, 3.0, 0.5, 0.5, 0.5)
+    low, high = room_corners(room)
+    sides = []
+    for axis in range(3):
+        for level in (low[axis], high[axis], 0.98 * high[axis]):
+            sides.append(np.array([[level if a == axis else c[a] for a in range(3)] for c in (low, high, (0, 0, 1.5))]))
+    vertices = np.concatenate(sides)
+    none = np.zeros(0)
+    meshes = GlowMeshes(vertices, np.arange(27).reshape(9, 3), none, none, none, none, none, none)
+    kept = first_screen["opened"](meshes, room)
+    # Of x, y and z: the lower side, the upper one, and a plane just within the upper one (a lamp, for z).
+    assert kept.faces[:, 0].tolist() == [0, 6, 9, 15, 18]
+    assert (np.array(first_screen["EYE_M"]) > high).all()
+
+
+def test_the_first_picture_gives_markers_the_colour_of_their_error(first_screen):
+    marker_id = np.array([[-1, 3, 3, 4, 4, -1]])
+    view = types.SimpleNamespace(
+        marker_id=marker_id,
+        depth_m=np.array([[1, 1, 1, 1, 1, np.inf]]),
+        radiance=np.array([[0.5, 1, 0.0, 1, 0.0, 0.0]]),
+    )
+    picture = first_screen["coloured"](view, np.array([3, 4, 5]), np.array([0.1, np.nan, 0.1]), LogNorm(0.01, 0.1))[0]
+    dark = matplotlib.colormaps[first_screen["COLOUR_MAP"]](1.0)[:3]
+    # The 95th percentile of two pixels is just below the brighter one.
+    assert picture[1] == pytest.approx(dark)
+    assert picture[2] == pytest.approx(np.multiply(first_screen["DARKEST"], dark))
+    assert picture[3] == pytest.approx(first_screen["UNOBSERVABLE"])
+    assert picture[0] == pytest.approx(np.full(3, (0.5 / 1.0) ** (1 / first_screen["GAMMA"])))
+    assert picture[5] == pytest.approx(np.ones(3))
 
 
 # ---- longer ----------------------------------------------------------------------------------------------------------
