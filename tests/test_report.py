@@ -7,8 +7,10 @@ import json
 import math
 import re
 from html.parser import HTMLParser
+from itertools import pairwise
 from types import SimpleNamespace
 
+import cv2
 import numpy as np
 import plotly.graph_objects as go
 import plotly.offline
@@ -27,7 +29,9 @@ from validate.report.frusta import frustum
 from validate.report.images import BUDGET_BYTES, chosen_crops, pictures_of
 from validate.report.page import KIND_CHOICE, section_of
 from validate.report.scene3d import scene_columns
+from validate.report.shades import VIRIDIS, shades
 from validate.report.steps import sight_of, steps_of_plan
+from validate.report.style import PURPLE_ORANGE, model_style, object_styles
 from validate.report.traces import combinations, filled, only_changes, plain
 from validate.report.verdict import in_words, verdicts
 from validate.store import StoreError
@@ -248,6 +252,42 @@ def test_what_json_lacks_is_none():
     assert plain(np.array([1.23456, np.nan, np.inf])) == [1.235, None, None]
     assert plain(np.array([[1.0, 2.0], [np.nan, 4.0]])) == [[1, 2], [None, 4]]
     assert plain(np.array([True, False])) == [1, 0]
+
+
+# ---- without colour vision -------------------------------------------------------------------------------------------
+
+
+def lightness(colour):
+    """CIE L* of #rrggbb, by OpenCV."""
+    rgb = np.array([[[int(colour[n : n + 2], 16) for n in (1, 3, 5)]]], dtype=np.uint8)
+    return int(cv2.cvtColor(rgb, cv2.COLOR_RGB2LAB)[0, 0, 0])
+
+
+def test_a_scale_of_errors_is_read_by_its_lightness_alone():
+    values = [lightness(colour) for _, colour in VIRIDIS]
+    assert all(one > other for one, other in pairwise(values))
+    # The scale of ratios is dark at both ends: there, signs tell the sides apart (below).
+    ends, middle = [lightness(PURPLE_ORANGE[n][1]) for n in (0, -1)], lightness(PURPLE_ORANGE[2][1])
+    assert max(ends) < middle
+
+
+def test_the_side_of_a_ratio_is_told_by_a_sign(made):
+    table = made.tables[0]
+    columns = shades(table, 0, "single", "corrected")
+    predicted, measured = (
+        table.predicted_mm("corrected", KINDS[0])[0],
+        table.measured_mm(KINDS[0])[0],
+    )
+    signs = columns["signs|ratio|single|corrected"]
+    for sign, sigma, error in zip(signs, predicted, measured, strict=True):
+        assert sign == ("x" if np.isnan(sigma) else "circle-open" if error < sigma else "circle")
+    assert "circle-open" not in columns["signs|measured|single|corrected"]
+
+
+def test_curves_are_told_apart_by_dash_and_symbol():
+    styles = [model_style(number)[1:] for number in range(6)]
+    assert len(set(styles)) == 6
+    assert len({symbol for _, symbol in object_styles(("a", "b", "c", "d")).values()}) == 4
 
 
 # ---- space -----------------------------------------------------------------------------------------------------------

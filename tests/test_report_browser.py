@@ -7,6 +7,8 @@ import json
 import shutil
 import time
 
+import cv2
+import numpy as np
 import pytest
 
 from tests.made_up_run import made_up_run
@@ -31,6 +33,10 @@ pytestmark = [
 
 # s, for a figure to be drawn by a processor that does the graphics card's work, on a busy machine.
 PATIENCE = 120
+# Levels of 255 that an eye would see, and the share of a figure's pixels that a thin line covers at least.
+VISIBLE_LEVELS, LEAST_CHANGE = 12, 5e-4
+# s, for what is drawn to be on the screen.
+SETTLED_S = 2.5
 MOST_BYTES = 15_000_000
 PHONE = {"width": 400, "height": 800, "deviceScaleFactor": 1, "mobile": True}
 FLAGS = (
@@ -51,6 +57,12 @@ def report(tmp_path_factory):
     folder = tmp_path_factory.mktemp("browser")
     made_up_run(folder, SCENE, {"zooming": SWEEP, "pairs": SELECTION})
     return folder / "run" / "report.html"
+
+
+@pytest.fixture(scope="module")
+def screenshots(tmp_path_factory):
+    """The folder where the tests leave what they saw; kept for three sessions by pytest."""
+    return tmp_path_factory.mktemp("screenshots")
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +98,7 @@ def drawn(browser, selector):
 
 
 def test_it_opens_soon_and_is_small(browser, report):
-    ready = browser.execute_script("return Number(document.documentElement.dataset.ready)")
+    ready = float(until(browser, lambda d: d.execute_script("return document.documentElement.dataset.ready")))
     size = report.stat().st_size
     print(f"\nreport of {size:,} bytes, interactive after {ready / 1000:.1f} s on this machine as busy as it is")
     assert size <= MOST_BYTES
@@ -131,6 +143,69 @@ def test_the_slider_moves_all_figures_and_pictures_by_keyboard(browser):
         assert browser.execute_script("return JSON.stringify(arguments[0].data)", plot) != old
     shown(browser, "#zooming [data-images]")
     until(browser, lambda d: "zoom=3" in picture.get_attribute("alt"))
+
+
+def pixels(browser, element, folder, name):
+    """What an element looks like, (height, width, 3); kept as NAME.png in `folder`."""
+    path = folder / f"{name}.png"
+    path.write_bytes(element.screenshot_as_png)
+    return cv2.imread(str(path)).astype(int)
+
+
+def changed(one, other):
+    """Share of the pixels that differ visibly."""
+    return (np.abs(one - other).max(axis=-1) > VISIBLE_LEVELS).mean()
+
+
+def test_what_is_seen_follows_slider_and_layers(browser, screenshots):
+    """By screenshots: steps look different, and a layer that is switched off is gone and comes back the same."""
+    slider = shown(browser, "#zooming [data-step]")
+    slider.send_keys(Keys.HOME)
+    plot = drawn(browser, "#zooming [data-figure=scene] .plot")
+    said = "return arguments[0].getAttribute('aria-label')"
+    until(browser, lambda d: "zoom=1.5" in d.execute_script(said, plot))
+    time.sleep(SETTLED_S)
+    first = pixels(browser, plot, screenshots, "scene-first-step")
+    for layer in ("frusta", "planes", "objects"):
+        box = browser.find_element(By.CSS_SELECTOR, f"#zooming [data-layer={layer}]")
+        browser.execute_script("arguments[0].click()", box)
+        time.sleep(SETTLED_S)
+        without = pixels(browser, plot, screenshots, f"scene-without-{layer}")
+        assert changed(first, without) > LEAST_CHANGE, layer
+        browser.execute_script("arguments[0].click()", box)
+        time.sleep(SETTLED_S)
+        assert changed(first, pixels(browser, plot, screenshots, "scene-again")) < LEAST_CHANGE, layer
+    Select(browser.find_element(By.CSS_SELECTOR, "#zooming [data-figure=scene] [data-choice=colour]")).select_by_value(
+        "ratio"
+    )
+    time.sleep(SETTLED_S)
+    assert changed(first, pixels(browser, plot, screenshots, "scene-ratio")) > LEAST_CHANGE
+    Select(browser.find_element(By.CSS_SELECTOR, "#zooming [data-figure=scene] [data-choice=colour]")).select_by_value(
+        "predicted"
+    )
+    slider.send_keys(Keys.END)
+    drawn(browser, "#zooming [data-figure=scene] .plot")
+    until(browser, lambda d: "zoom=1.5" not in d.execute_script(said, plot))
+    time.sleep(SETTLED_S)
+    assert changed(first, pixels(browser, plot, screenshots, "scene-last-step")) > LEAST_CHANGE
+
+
+def test_curves_are_told_apart_without_colour(browser, screenshots):
+    """Seen without any colour, no two curves have the same dash and sign."""
+    browser.execute_cdp_cmd("Emulation.setEmulatedVisionDeficiency", {"type": "achromatopsia"})
+    try:
+        plot = drawn(browser, "#zooming [data-figure=curves] .plot")
+        picture = pixels(browser, plot, screenshots, "curves-without-colour")
+        assert np.ptp(picture, axis=-1).max() <= VISIBLE_LEVELS
+    finally:
+        browser.execute_cdp_cmd("Emulation.setEmulatedVisionDeficiency", {"type": "none"})
+    lines = browser.execute_script(
+        "return arguments[0].data.filter((t) => (t.mode || '').includes('lines+markers'))"
+        ".map((t) => [t.line.dash || 'solid', t.marker.symbol || 'circle'].join())",
+        plot,
+    )
+    assert len(lines) >= 3
+    assert len(set(lines)) == len(lines)
 
 
 def test_a_marker_has_its_ellipsoid_lines_and_words(browser):

@@ -71,7 +71,12 @@ def scene_figure(table: SweepTable) -> Figure:
             "type": "scatter3d",
             "mode": "markers",
             **{axis: ref(f"dots_{axis}") for axis in "xyz"},
-            "marker": {"size": 3, "color": "#222222", "opacity": 0.6, "symbol": ref("signs|{kind}|{model}")},
+            "marker": {
+                "size": 3,
+                "color": "#222222",
+                "opacity": 0.6,
+                "symbol": ref("signs|{colour}|{kind}|{model}"),
+            },
             "text": ref("said|{kind}|{model}"),
             "hovertemplate": "%{text}<extra></extra>",
             "name": "markers (× not observable)",
@@ -102,11 +107,12 @@ def scene_figure(table: SweepTable) -> Figure:
     return Figure(
         "scene",
         "The scene in space",
-        "Markers are coloured by what the prediction says, by what was measured, or by measured over predicted; grey "
-        "ones are not observable, or were not triangulated. Pyramids are fields of view up to the plane in focus or "
-        "the walls, translucent sheets the planes in focus. Choose a marker (click it, or take it from the list) to "
-        "see which cameras should see it, which found it, and its predicted 95 % ellipsoid, enlarged as the text says. "
-        "A long ellipsoid points along the direction that no pair of cameras sees from the side.",
+        "Markers are coloured by what the prediction says, by what was measured, or by measured over predicted (a ring "
+        "in place of a dot: measured below predicted); grey ones are not observable, or were not triangulated. "
+        "Pyramids are fields of view up to the plane in focus or the walls, translucent sheets the planes in focus. "
+        "Choose a marker (click it, or take it from the list) to see which cameras should see it, which found it, and "
+        "its predicted 95 % ellipsoid, enlarged as the text says. A long ellipsoid points along the direction that no "
+        "pair of cameras sees from the side.",
         "The room in three dimensions with its objects, markers and cameras. The list of markers under the figure "
         "gives the numbers of each in words.",
         traces,

@@ -90,12 +90,22 @@ def shades(table: SweepTable, step: int, kind: str, model: str) -> Columns:
         row = np.where(np.isfinite(values[step]), np.clip(values[step], low, high), bottom)
         columns[f"shade|{colour}|{kind}|{model}"] = np.repeat(np.round(row, 3), 2).tolist()
     predicted, measured = 10 ** coloured["predicted"][step], 10 ** coloured["measured"][step]
-    columns[f"signs|{kind}|{model}"] = ["circle" if known else "x" for known in np.isfinite(predicted)]
+    for colour in coloured:
+        columns[f"signs|{colour}|{kind}|{model}"] = _signs(predicted, measured if colour == "ratio" else None)
     columns[f"said|{kind}|{model}"] = [
         f"marker {point} on {name}<br>predicted {_mm(p)}, measured {_mm(m)}"
         for point, name, p, m in zip(table.point_ids, table.objects, predicted, measured, strict=True)
     ]
     return columns
+
+
+def _signs(predicted: Floats, measured: Floats | None) -> list[str]:
+    """Plotly's symbols: × not observable; for a ratio, whose scale is dark at both ends, a ring where it is below 1."""
+    smaller = np.zeros(len(predicted), dtype=bool) if measured is None else measured < predicted
+    return [
+        "x" if not np.isfinite(sigma) else "circle-open" if below else "circle"
+        for sigma, below in zip(predicted, smaller, strict=True)
+    ]
 
 
 def _mm(value: float) -> str:

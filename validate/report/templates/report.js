@@ -115,6 +115,8 @@
       const chosen = { ...this.sweep.shared, ...this.own };
       const look = (name) => column(this.sweep.data, this.figure, this.sweep.step, name);
       let traces = this.figure.traces
+        // Plotly keeps what it drew under a trace's uid, or else its place: a mesh would take over the colours of another.
+        .map((t, n) => ({ ...t, uid: `${this.figure.id}-${n}` }))
         .filter((t) => Object.entries(t.when || {}).every(([name, value]) => chosen[name] === value))
         .map(({ when, ...trace }) => filled(trace, look, chosen));
       const layout = filled(this.figure.layout, look, chosen);
@@ -168,12 +170,13 @@
       const marker = this.sweep.marker;
       const centres = ["x", "y", "z"].map((axis) => at("centres_" + axis));
       const centre = (n) => centres.map((values) => values[n]);
-      if (this.layers.has("sight")) kept.push(this.lines(at, centre, centres[0].map((_, n) => n), 1, "rgba(60,60,60,0.25)"));
+      if (this.layers.has("sight")) 
+        kept.push({ ...this.lines(at, centre, centres[0].map((_, n) => n), 1, "rgba(60,60,60,0.25)"), uid: "all-sight" });
       if (marker === null || marker >= centres[0].length) {
         said.textContent = "No marker is chosen.";
         return kept;
       }
-      kept.push(this.lines(at, centre, [marker], 5, "#111111"));
+      kept.push({ ...this.lines(at, centre, [marker], 5, "#111111"), uid: "sight" });
       const names = at("camera_names"), should = at("should_see"), rate = at("found_rate");
       const seeing = names.filter((_, c) => should[c][marker] === "1");
       const found = names.map((name, c) => [name, rate[c][marker]]).filter(([, r]) => r > 0);
@@ -186,7 +189,7 @@
         const size = ELLIPSOID * Math.hypot(...root) / 1000;
         const wanted = ELLIPSOID_M / size, power = 10 ** Math.floor(Math.log10(wanted));
         const times = power * [5, 2, 1].find((digit) => digit * power <= wanted * 1.0001);
-        kept.push(ellipsoid(centre(marker), root, times));
+        kept.push({ ...ellipsoid(centre(marker), root, times), uid: "ellipsoid" });
         words += `Its predicted 95 % ellipsoid is drawn ${times.toLocaleString("en")} times as large.`;
       }
       said.textContent = words;
