@@ -3,6 +3,7 @@
 # make acceptance   what must be shown but takes longer than `make test` may
 # make docs    the documentation as a site, docs/_build/html/index.html
 # make first-screen   draw the README's first picture anew, from the zoom sweep's stored views
+# make screenshots    take the pictures of docs/report.md from the report of `make sweep`; needs a chromium
 # make notebook    run docs/notebook.ipynb again and keep its outputs
 # make lock    write requirements.lock and requirements-evo.lock anew from pyproject.toml
 
@@ -15,7 +16,7 @@ UV_VERSION := 0.13.9
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: sweep test lint tests acceptance docs first-screen notebook lock clean
+.PHONY: sweep test lint tests acceptance docs first-screen screenshots notebook lock clean
 
 sweep: $(VENV)/installed
 	$(BIN)/python validate/run_sweep.py zoom focus selection $(ARGS)
@@ -38,6 +39,9 @@ docs: $(VENV)/installed
 
 first-screen: $(VENV)/installed
 	PYTHONPATH=. $(BIN)/python docs/draw_first_screen.py
+
+screenshots: $(VENV)/installed
+	PYTHONPATH=. $(BIN)/python docs/take_screenshots.py
 
 notebook: $(VENV)/installed
 	PYTHONPATH=. $(BIN)/python docs/run_notebook.py

@@ -22,7 +22,7 @@ from render.state import Room
 from tests.made_up_run import made_up_run
 from tests.test_sweep_run import SCENE, SELECTION, SWEEP
 from validate.measure import ViewMeasurement
-from validate.report.budget import error_budget
+from validate.report.budget import budget_columns
 from validate.report.command import of_results, remade
 from validate.report.data import KINDS, read_sweeps
 from validate.report.frusta import frustum
@@ -210,17 +210,21 @@ def test_tables_come_back_as_they_were_written(made):
             )
 
 
-def test_the_error_budget_multiplies_to_measured_over_predicted():
-    """Two points of 1 mm, one found in half of the trials, errors twice as large, three quarters of them noise."""
-    points = {"single_frame_sigma_m": np.array([[1e-3, 1e-3, np.nan]]), "detection_rate": np.array([[1.0, 0.5, 0.0]])}
-    measured = (1 / 2e-3 + 0.5 / 2e-3) / 3
-    steps = {"measured_pss_single_frame": np.array([measured]), "noise_share": np.array([0.75])}
-    table = SimpleNamespace(points={"m": points}, steps={"m": steps})
-    budget = error_budget(table, "m")
-    assert budget["found"][0] == pytest.approx(0.75)
-    assert budget["bias"][0] == pytest.approx(math.sqrt(0.75))
-    assert budget["total"][0] == pytest.approx(0.375)
-    assert budget["size"][0] == pytest.approx(0.5 / math.sqrt(0.75))
+def test_the_error_budget_multiplies_to_measured_over_predicted(made):
+    """The factors that the page draws, each as its table has it."""
+    for table in made.tables:
+        of = [r for r in rows(made, "configurations") if (r["sweep"], r["noise_model"]) == (table.name, "corrected")]
+        for columns, row in zip(budget_columns(table), of, strict=True):
+            *factors, total = columns["factors|corrected"]
+            names = ("visibility", "noise_model", "detector", "geometry")
+            wanted = [float(row[f"budget_{name}"] or "nan") for name in names]
+            drawn = [math.nan if factor is None else factor for factor in factors]
+            assert drawn == pytest.approx(wanted, rel=DRAWN_DIGITS * 10, nan_ok=True)
+            if None in factors:
+                continue
+            measured, predicted = float(row["measured_pss_single_frame"]), float(row["pss_single_frame"])
+            assert total == pytest.approx(measured / predicted, rel=DRAWN_DIGITS * 10)
+            assert math.prod(factors) == pytest.approx(total, rel=DRAWN_DIGITS * 40)
 
 
 def test_a_sight_has_the_bias_and_the_scatter_of_its_detections():

@@ -185,6 +185,10 @@ CONFIGURATION_COLUMNS = [
     "measured_posterior_rms_m",
     "share_under_5mm",
     "noise_share",
+    "budget_visibility",
+    "budget_noise_model",
+    "budget_detector",
+    "budget_geometry",
 ]
 POINT_COLUMNS = [
     "sweep",

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pss import Appearance, Evaluation, PTZCamera, evaluate
 from pss.covariances import largest_standard_deviation, root_trace
 from scenes import Scene
+from validate.error_budget import propagated_errors
 from validate.errors3d import MeasuredErrors, measured_pss
 from validate.measure import ViewMeasurement
 from validate.track import Tracked, track_static
@@ -29,12 +30,14 @@ class Measured:
         errors: of the maximum likelihood estimate over all views.
         linear: of `cv2.triangulatePoints` over the widest pair.
         triangulated: the estimates themselves.
+        propagated: of the same detections, carried to the points by linear geometry.
         tracked: second moments of the static filter's errors.
     """
 
     errors: MeasuredErrors
     linear: MeasuredErrors
     triangulated: Triangulated
+    propagated: MeasuredErrors
     tracked: Tracked
 
     @property
@@ -110,6 +113,7 @@ def measure_configuration(
         errors,
         MeasuredErrors(triangulated.linear_m - truth),
         triangulated,
+        propagated_errors(cameras, truth, kept, covariance, triangulated.used),
         track_static(cameras, truth, kept, covariance, usable, scene.process, rng),
     )
 

@@ -6,15 +6,18 @@ import csv
 import io
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pss import Evaluation
 from render.view import Certificate
 from scenes import Configuration
 from validate.acquire import Acquired, Acquisition
 from validate.assess import Assessment, Measured
+from validate.error_budget import error_budget
 from validate.intervals import interval
 from validate.store import write_text
 from validate.sweep import SweepResult
@@ -105,10 +108,17 @@ def configuration_rows(result: SweepResult) -> list[Row]:
                     "median_rms_m": errors.median_rms_m,
                     **{f"share_under_{mm}mm": errors.share_under(mm / 1000) for mm in THRESHOLDS_MM},
                     "noise_share": errors.noise_share,
+                    **_budget(predicted, measured),
                     "rejected_detections": int(measured.triangulated.rejected.sum()),
                 }
             )
     return rows
+
+
+def _budget(predicted: Evaluation, measured: Measured) -> Row:
+    """The factors from predicted to measured single-frame PSS, `budget_visibility` and so on."""
+    budget = error_budget(predicted, measured.triangulated, measured.propagated, measured.errors.pss())
+    return {f"budget_{name}": factor for name, factor in asdict(budget).items()}
 
 
 def point_rows(result: SweepResult) -> list[Row]:

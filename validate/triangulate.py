@@ -20,7 +20,7 @@ from pss.camera import PTZCamera
 from pss.errors import RangeError, ShapeError
 from pss.views import Cameras, Views
 
-__all__ = ["Triangulated", "detection_weights", "triangulate", "triangulated_points"]
+__all__ = ["SMALLEST_INFORMATION_RATIO", "Triangulated", "detection_weights", "triangulate", "triangulated_points"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -45,8 +45,8 @@ MAX_ITERATIONS = 40
 FIRST_DAMPING, DAMPING_UP, DAMPING_DOWN = 1e-9, 100.0, 0.1
 # Keeps the normal matrix regular for a point that no view sees.
 TINY = 1e-300
-# Rays closer to parallel than double precision can tell apart carry no depth: smallest over largest eigenvalue.
 SMALLEST_INFORMATION_RATIO = 1e-13
+"""Smallest over largest eigenvalue: rays closer to parallel than double precision can tell apart carry no depth."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -237,6 +237,7 @@ def _measured_of(measured: Measured, markers: Bools) -> Measured:
             found.rejected[:, markers],
             found.used[:, :, markers],
         ),
+        MeasuredErrors(measured.propagated.errors_m[:, markers]),
         Tracked(
             tracked.prior_moment_m2[markers],
             tracked.posterior_moment_m2[markers],

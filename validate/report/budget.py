@@ -13,7 +13,7 @@ from validate.report.steps import Step
 from validate.report.style import GREY, INK, layout
 from validate.report.traces import Columns, Figure, plain, ref
 
-__all__ = ["Budget", "budget_columns", "budget_figure", "error_budget", "visibility_columns", "visibility_figure"]
+__all__ = ["Budget", "budget_columns", "budget_figure", "budget_terms", "visibility_columns", "visibility_figure"]
 
 Floats = NDArray[np.float64]
 Budget = dict[str, Floats]
@@ -21,37 +21,27 @@ Budget = dict[str, Floats]
 # Of a logarithmic axis of factors.
 TICKS = (1e-4, 1e-3, 0.01, 0.1, 0.2, 0.5, 1, 2, 5, 10, 100, 1000, 10000)
 TERMS = {
-    "found": "not found",
-    "bias": "bias of the detector",
-    "size": "noise model and geometry",
+    "visibility": "visibility",
+    "noise_model": "noise model",
+    "detector": "detector",
+    "geometry": "geometry",
     "total": "measured / predicted",
 }
 
 
-def error_budget(table: SweepTable, model: str) -> Budget:
-    """Factors, (S,) each, whose product is measured over predicted single-frame PSS (`total`).
-
-    `found`: predicted PSS with each point times the rate at which it was found, over predicted PSS. `bias`: the root of
-    the share of the mean squared error that is noise; less bias would make the errors smaller by this. `size`: the
-    rest, errors that are larger (below 1) or smaller than the noise model and the geometry say.
-    """
-    inverse = np.nan_to_num(1 / table.points[model]["single_frame_sigma_m"])
-    rate = table.points[model]["detection_rate"]
-    predicted, kept = inverse.sum(axis=1), (inverse * rate).sum(axis=1)
-    points = inverse.shape[1]
-    measured = table.steps[model][KINDS[0].measured_pss] * points
+def budget_terms(table: SweepTable, model: str) -> Budget:
+    """Factors, (S,) each, whose product is measured over predicted single-frame PSS (`total`)."""
+    steps = table.steps[model]
     with np.errstate(divide="ignore", invalid="ignore"):
-        found, total = kept / predicted, measured / predicted
-        bias = np.sqrt(table.steps[model]["noise_share"])
-        size = total / found / bias
-    return {"found": found, "bias": bias, "size": size, "total": total}
+        total = steps[KINDS[0].measured_pss] / steps[KINDS[0].pss]
+    return {**{term: steps[f"budget_{term}"] for term in TERMS if term != "total"}, "total": total}
 
 
 def budget_columns(table: SweepTable) -> list[Columns]:
     """The budget's factors at each step, as stems from 1."""
     filled: list[Columns] = [{} for _ in table.labels]
     for model in table.models:
-        budget = error_budget(table, model)
+        budget = budget_terms(table, model)
         for step, columns in enumerate(filled):
             factors = [float(budget[term][step]) for term in TERMS]
             usable = [factor if math.isfinite(factor) and factor > 0 else None for factor in factors]
@@ -67,7 +57,7 @@ def budget_figure(table: SweepTable) -> Figure:
     rows = [y for n in range(len(names)) for y in (n, n, None)]
     columns: Columns = {}
     for model in table.models:
-        budget = error_budget(table, model)
+        budget = budget_terms(table, model)
         every = np.concatenate([v[np.isfinite(v) & (v > 0)] for v in budget.values()])
         low, high = (float(every.min()), float(every.max())) if len(every) else (0.5, 2.0)
         columns[f"budget_ticks|{model}"] = [tick for tick in TICKS if min(low, 0.5) / 1.6 <= tick <= max(high, 2) * 1.6]
@@ -92,9 +82,9 @@ def budget_figure(table: SweepTable) -> Figure:
             "showlegend": False,
             "cliponaxis": False,
             "marker": {
-                "color": ["#0072B2", "#0072B2", "#0072B2", INK],
+                "color": ["#0072B2"] * (len(names) - 1) + [INK],
                 "size": 12,
-                "symbol": ["circle", "circle", "circle", "diamond"],
+                "symbol": ["circle"] * (len(names) - 1) + ["diamond"],
             },
             "hovertemplate": "× %{x:.3g}<extra></extra>",
         },
@@ -103,12 +93,13 @@ def budget_figure(table: SweepTable) -> Figure:
     return Figure(
         "budget",
         "Where the prediction departs from the measurement",
-        "Three factors multiply to measured over predicted single-frame PSS at the slider’s step. “Not found” is what "
-        "the points lose that are predicted and found in a part of the trials or never (detection_rate). “Bias” is the "
-        "root of noise_share: what every trial repeats. “Noise model and geometry” is the rest: these tables cannot "
-        "part the two, but NEES of the detections’ own covariances tests geometry alone. A factor of 1 is no "
-        "departure; with R as printed the last one has no meaning, since that R mixes units.",
-        "Four factors on a logarithmic axis: not found, bias, noise model with geometry, and their product.",
+        "Four factors multiply to measured over predicted single-frame PSS at the slider’s step; 1 is no departure. "
+        "“Visibility”: points and views that should see them, and did not find them in every trial. “Noise model”: the "
+        "predicted R against the covariance that each detection gets from its own image. “Detector”: that covariance "
+        "against how far detections really are off, with the bias that every trial repeats. “Geometry”: what "
+        "triangulation makes of them against what H says. With the paper’s R the second factor has no meaning, since "
+        "that R mixes units.",
+        "Five factors on a logarithmic axis: visibility, noise model, detector, geometry, and their product.",
         traces,
         layout(
             {
