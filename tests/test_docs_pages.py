@@ -114,6 +114,30 @@ def test_the_columns_that_the_first_run_names_are_there():
         assert named <= set(columns), named - set(columns)
 
 
+def test_the_error_budget_of_the_room_is_that_of_its_sweeps():
+    with (ROOT / "results/reference/configurations.csv").open(encoding="utf-8") as opened:
+        rows = [row for row in csv.DictReader(opened) if row["noise_model"] == "physical"]
+    said = " ".join(page("report.md").split("<!-- figures: error budget of the room -->")[1].split())
+    for name, words in (
+        ("visibility", "visibility is"),
+        ("noise_model", "the noise model"),
+        ("detector", "the detector"),
+    ):
+        factors = [float(row[f"budget_{name}"]) for row in rows]
+        assert f"{words} {min(factors):.2f} to {max(factors):.2f}" in said
+    assert {f"{float(row['budget_geometry']):.3f}" for row in rows} == {"1.000"}
+    assert "geometry 1.000" in said
+
+
+def test_the_tables_that_the_report_names_have_those_columns():
+    named = dict(re.findall(r"`(\w+)\.csv`: ((?:`\w+`[^`|]*)+)", page("report.md")))
+    assert set(named) == {"points", "configurations"}
+    head = (ROOT / "results/reference/configurations.csv").read_text(encoding="utf-8").splitlines()[0].split(",")
+    assert set(re.findall(r"`(\w+)`", named["configurations"])) <= set(head)
+    writer = (ROOT / "validate/tables.py").read_text(encoding="utf-8")  # no table of points is kept
+    assert not [name for name in re.findall(r"`(\w+)`", named["points"]) if f'"{name}":' not in writer]
+
+
 def first_lines(rows: list[dict[str, str]]) -> list[tuple[str, str]]:
     """Noise model and Spearman's ρ of the single frame, as the screen has them, from a run's correlation.csv."""
     kinds = {"metric": "pss-single-frame", "level": "configuration", "yardstick": "measured_pss_single_frame"}
