@@ -125,6 +125,8 @@ def test_the_error_budget_of_the_room_is_that_of_its_sweeps():
     ):
         factors = [float(row[f"budget_{name}"]) for row in rows]
         assert f"{words} {min(factors):.2f} to {max(factors):.2f}" in said
+        in_brief = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+        assert f"{name.replace('_', ' ')} ({min(factors):.2f} to {max(factors):.2f})" in in_brief
     assert {f"{float(row['budget_geometry']):.3f}" for row in rows} == {"1.000"}
     assert "geometry 1.000" in said
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from validate.findings.bank import bank_findings
+from validate.findings.budget import budget_findings
 from validate.findings.calibration_error import calibration_error_findings
 from validate.findings.factors import factor_findings
 from validate.findings.page import findings_page
@@ -29,6 +30,7 @@ def test_the_page_is_made_from_the_tables():
     for heading in (
         "In more and in less light",
         "One factor at a time",
+        "Where the sweeps' errors are from",
         "If the calibration is wrong",
         "Two people pass each other",
     ):
@@ -51,6 +53,19 @@ def test_every_finding_has_a_number(tables):
     without = [line for line in lines if not re.search(r"\d", line)]
     assert len(without) == 1
     assert without[0].startswith("- The oracle's R are the pixel errors of one half of the trials")
+
+
+def test_the_budget_by_hand():
+    """Of two steps the lower and the higher factor; one number where they are the same; other models are left out."""
+    factors = {"budget_noise_model": "0.9", "budget_detector": "1.1", "budget_geometry": "1"}
+    step = {"sweep": "s", "noise_model": "physical", "pss_single_frame": "4", **factors}
+    rows = [
+        {**step, "measured_pss_single_frame": "3", "budget_visibility": "0.7576"},
+        {**step, "measured_pss_single_frame": "2", "budget_visibility": "0.5051"},
+        {**step, "noise_model": "corrected", "measured_pss_single_frame": "9", "budget_visibility": "9"},
+    ]
+    last = budget_findings(rows).splitlines()[-1]
+    assert last == "| s | 2 | 0.50 to 0.75 | 0.51 to 0.76 | 0.90 | 1.10 | 1.00 |"
 
 
 def test_factors_by_hand():

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from validate.findings.bank import bank_findings
+from validate.findings.budget import budget_findings
 from validate.findings.calibration_error import calibration_error_findings
 from validate.findings.factors import factor_findings
 from validate.findings.hallway import hallway_findings
@@ -40,6 +41,11 @@ FACTORS = """## One factor at a time
 Slopes of ln RMS over ln factor on the points that all steps have in common; 1 is "in proportion", 95 % intervals over
 trials and points:
 """
+BUDGET = """## Where the sweeps' errors are from
+
+Measured over predicted single-frame PSS (`physical`), as a product of four factors, lowest and highest over the steps
+([what each exchanges](report.md#the-error-budget)):
+"""
 CALIBRATION_ERROR = """## If the calibration is wrong
 
 Pan, tilt, focal length and place of each camera off by an unknown error of the given σ, new for every frame
@@ -62,6 +68,8 @@ def findings_page(reference: Path) -> str:
         )
     if (reference / "factors" / "slopes.csv").exists():
         parts.append(FACTORS + "\n" + factor_findings(list(read_tables(reference / "factors")["slopes"])) + "\n")
+    if (reference / "configurations.csv").exists():
+        parts.append(BUDGET + "\n" + budget_findings(read_tables(reference)["configurations"]) + "\n")
     if (reference / "calibration_error.csv").exists():
         rows = list(read_tables(reference)["calibration_error"])
         parts.append(CALIBRATION_ERROR + "\n" + calibration_error_findings(rows) + "\n")
