@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
@@ -31,9 +32,13 @@ ALWAYS_SHOWN = ("value", "noise_model")
 def run(
     runs: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="RUN…")],
     /,
-    rows: Literal["settings", "measured", "predicted", "correlation", "leaderboard", "agreement", "strategies", "slopes"]
+    rows: Literal[
+        "settings", "measured", "predicted", "correlation", "leaderboard", "agreement", "strategies", "slopes"
+    ]
     | None = None,
     table: Literal["csv", "md", "tex"] | None = None,
+    out: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
+    report: bool = True,
 ) -> int:
     """Set the tables of two or more runs side by side, with differences from the first and 95 % intervals.
 
@@ -44,10 +49,16 @@ def run(
         runs: folders that runs left; the first is what the others are compared with.
         rows: what is compared (default: what differs in the settings, what was measured, and the correlations).
         table: print one table in this form, with all its rows, and nothing else (default of --rows: measured).
+        out: the page (default: results/compare/compare.html, which --rows and --table leave as it is).
+        report: write the page, which shows the comparison in a browser.
     """
+    if out is not None and out.suffix != ".html":
+        raise StoreError(f"{out} is no page; allowed: a file that ends in .html")
     sides = sides_of(runs)
     if table is not None:
         print(table_text([*compared(sides, rows or "measured")], table), end="")
+        if out is not None and report:
+            _page(sides, out)
         return 0
     # In a file or a pipe the tables keep their columns.
     console = Console(width=None if os.isatty(1) else COLUMNS_FOR_KEYS + COLUMNS_A_RUN * len(sides))
@@ -59,7 +70,16 @@ def run(
     for name in shown:
         for quantity in QUANTITIES.get(name, ()):
             _show(sides, name, quantity, console, short=rows is None)
+    if report and (out is not None or rows is None):
+        console.print(str(_page(sides, out)), markup=False, highlight=False, soft_wrap=True)
     return 0
+
+
+def _page(sides: Sequence[Side], out: Path | None) -> Path:
+    """The page, written; what draws it takes longer to import than a table to print."""
+    from validate.side_by_side.page import PAGE, write_page
+
+    return write_page(out or PAGE, sides)
 
 
 def compared(sides: Sequence[Side], name: str) -> list[Row]:

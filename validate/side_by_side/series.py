@@ -169,9 +169,7 @@ def _grouped(
     return found
 
 
-def _arrays(
-    sides: Sequence[Side], rows: Sequence[Row], steps: Sequence[str], step_of: StepOf
-) -> tuple[Floats, Floats]:
+def _arrays(sides: Sequence[Side], rows: Sequence[Row], steps: Sequence[str], step_of: StepOf) -> tuple[Floats, Floats]:
     """(K, S, 3) of the sides and (K - 1, S, 3) of their ratios to the first."""
     values = np.full((len(sides), len(steps), 3), math.nan)
     ratios = np.full((len(sides) - 1, len(steps), 3), math.nan)

@@ -1,4 +1,4 @@
-"""What a comparison says in words: whether precision differs, whether that was foreseen, and which prediction ranks better.
+"""What a comparison says in words: whether precision differs, whether that was foreseen, which prediction ranks better.
 
 A finding goes no further than its interval: where it includes equality, two sides "cannot be told apart".
 """
@@ -51,7 +51,9 @@ def pooled(ratios: Floats) -> tuple[float, float, float]:
     if not len(known):
         return math.nan, math.nan, math.nan
     limited = bool(np.isfinite(known).all() and (known > 0).all())
-    value, low, high = (float(np.exp(np.mean(np.log(known[:, n])))) if n == 0 or limited else math.nan for n in range(3))
+    value, low, high = (
+        float(np.exp(np.mean(np.log(known[:, n])))) if n == 0 or limited else math.nan for n in range(3)
+    )
     return value, low, high
 
 
@@ -97,7 +99,9 @@ def _measured(group: Group, series: Series, number: int, name: str, names: Seque
     if rms is not None and not math.isnan(pooled(rms.measured_ratio[number])[0]):
         rms_words = f" The RMS error is {value_text(pooled(rms.measured_ratio[number]))} times as large."
     if mean[1] <= 1 <= mean[2]:
-        start = f"In the mean of the steps, {name} and {names[0]} cannot be told apart: measured {series.pair.words} is "
+        start = (
+            f"In the mean of the steps, {name} and {names[0]} cannot be told apart: measured {series.pair.words} is "
+        )
         words = f"{start}{value_text(mean)} times as large; {count}.{rms_words}"
         return Finding(about, "partly" if above + below else "no", words)
     return Finding(about, "yes", f"{said} in the mean of the steps; {count}.{rms_words}")
@@ -118,7 +122,9 @@ def moved_findings(groups: Sequence[Group], sides: Sequence[Side], names: Sequen
                 found.append(
                     moved_finding(
                         _about(group, name, names),
-                        series.predicted_ratio[model if model in series.predicted else next(iter(series.predicted))][number],
+                        series.predicted_ratio[model if model in series.predicted else next(iter(series.predicted))][
+                            number
+                        ],
                         series.measured_ratio[number],
                     )
                 )
@@ -144,7 +150,9 @@ def moved_finding(about: str, predicted: Floats, measured: Floats) -> Finding:
     right = int((apart & (np.abs(np.log(p)) >= UNMOVED) & (np.sign(np.log(p)) == np.sign(np.log(m[:, 0])))).sum())
     details = f" At {inside} of {_steps(len(p))} the predicted ratio lies in the measured one’s interval"
     if apart.any():
-        details += f"; of the {int(apart.sum())} where a change was measured beyond its interval, {right} moved that way"
+        details += (
+            f"; of the {int(apart.sum())} where a change was measured beyond its interval, {right} moved that way"
+        )
     details += "."
     unmoved, measured_moved = bool((np.abs(np.log(p)) < UNMOVED).all()), not mean[1] <= 1 <= mean[2]
     agrees = mean[1] <= foreseen <= mean[2]
@@ -210,7 +218,8 @@ def _ranked(
 
     first, other = (limits(side.label) for side in pair)
     difference = limits(f"{pair[1].label}_difference")
-    said = f"ρ is {_signed(other)} for {names[1]} and {_signed(first)} for {names[0]}, a difference of {_signed(difference)}"
+    said = f"ρ is {_signed(other)} for {names[1]} and {_signed(first)} for {names[0]}"
+    said += f", a difference of {_signed(difference)}"
     losses = ""
     if regret is not None:
         lost = [float(str(regret.get(side.label, math.nan))) for side in reversed(pair)]
@@ -219,7 +228,9 @@ def _ranked(
     if math.isnan(difference[0]):
         return Finding(about, "open", f"ρ of {names[1]} or of {names[0]} is undefined.{losses}")
     if math.isnan(difference[1]):
-        return Finding(about, "open", f"{_capital(said)} without an interval: which ranks better cannot be said.{losses}")
+        return Finding(
+            about, "open", f"{_capital(said)} without an interval: which ranks better cannot be said.{losses}"
+        )
     if difference[1] <= 0 <= difference[2]:
         return Finding(about, "no", f"They cannot be told apart: {said}.{losses}")
     better, worse = (names[1], names[0]) if difference[0] > 0 else (names[0], names[1])

@@ -1,0 +1,153 @@
+"""A comparison's plan of points: where measured errors grew and where they shrank."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from validate.report.style import PURPLE_ORANGE, layout
+from validate.report.traces import Choice, Columns, Figure, plain, ref
+from validate.side_by_side.rows import Quantity, matched
+from validate.side_by_side.runs import Side
+from validate.side_by_side.series import same_measurement
+
+__all__ = ["map_figure"]
+
+POINTS = Quantity("points", "measured_rms_m", "", "", ("sweep", "configuration", "point"), True)
+# Ratios of 1/4 and 4 are the ends of the colours.
+MOST_LOG2 = 2.0
+# |log2| of a ratio that is drawn as no change: a tenth.
+EVEN_LOG2 = math.log2(1.1)
+EVERY_STEP = "every step"
+
+
+def map_figure(sweep: str, sides: Sequence[Side], names: Sequence[str]) -> Figure | None:
+    """Plan view of a sweep's points by the ratio of their measured RMS errors to the first side's.
+
+    None where the sides have no points alike, or are one measurement.
+    """
+    others = [
+        (side, name) for side, name in zip(sides[1:], names[1:], strict=True) if not same_measurement(sides[0], side)
+    ]
+    rows = [row for row in matched(sides, POINTS) if row.get("sweep", sweep) == sweep] if others else []
+    if not rows or "point" not in rows[0]:
+        return None
+    about = {
+        row["point"]: (row["x_m"], row["y_m"], row.get("object", ""))
+        for row in sides[0].table("points") or []
+        if row.get("sweep", sweep) == sweep and row.get("x_m") and row.get("y_m")
+    }
+    points = list(about)
+    steps = list(dict.fromkeys(str(row.get("configuration", "")) for row in rows))
+    columns: Columns = {}
+    for side, name in others:
+        ratios = {
+            (str(row.get("configuration", "")), row["point"]): float(str(row[f"{side.label}_ratio"])) for row in rows
+        }
+        table = np.array([[ratios.get((step, point), math.nan) for point in points] for step in steps])
+        with np.errstate(invalid="ignore", divide="ignore"):
+            logs = np.log2(table)
+        if not np.isfinite(logs).any():
+            continue
+        for step, values in zip((EVERY_STEP, *steps), (_median(logs), *logs), strict=True):
+            columns |= _columns(f"{name}|{step}", values, points, about)
+    known = [name for _, name in others if f"x|{name}|{EVERY_STEP}" in columns]
+    if not known:
+        return None
+    bar = {
+        "title": {"text": "ratio"},
+        "tickvals": [-2, -1, 0, 1, 2],
+        "ticktext": ["¼", "½", "1", "2", "4"],
+        "thickness": 12,
+        "outlinewidth": 0,
+    }
+    trace: dict[str, Any] = {
+        "type": "scatter",
+        "mode": "markers",
+        "showlegend": False,
+        "x": ref("x|{other}|{step}"),
+        "y": ref("y|{other}|{step}"),
+        "text": ref("words|{other}|{step}"),
+        "hovertemplate": "%{text}<extra></extra>",
+        "marker": {
+            "color": ref("log|{other}|{step}"),
+            "symbol": ref("symbol|{other}|{step}"),
+            "size": 13,
+            "cmin": -MOST_LOG2,
+            "cmax": MOST_LOG2,
+            "colorscale": PURPLE_ORANGE,
+            "colorbar": bar,
+            "line": {"width": 1, "color": "#444"},
+        },
+    }
+    return Figure(
+        "map",
+        "Where errors grew, and where they shrank",
+        f"The room from above. Each sign is a marker: its measured RMS error over that of {names[0]}, of “every step” the "
+        "median ratio. Triangles that point up have grown by more than a tenth, those that point down have shrunk; circles "
+        "have done neither. Markers that either side did not triangulate are left out. Few trials make single markers "
+        "scatter: look for regions, not for signs.",
+        "Plan view of the markers, by the ratio of their measured errors.",
+        [trace],
+        layout(
+            {"title": {"text": "x in m"}, "constrain": "domain"},
+            {"title": {"text": "y in m"}, "scaleanchor": "x", "constrain": "domain"},
+            hovermode="closest",
+            annotations=[
+                {
+                    "text": ref("summary|{other}|{step}"),
+                    "xref": "paper",
+                    "yref": "paper",
+                    "x": 0,
+                    "y": 1.0,
+                    "yanchor": "bottom",
+                    "xanchor": "left",
+                    "showarrow": False,
+                }
+            ],
+            margin={"l": 60, "r": 16, "t": 30, "b": 48},
+        ),
+        (
+            Choice("step", "Step", tuple((step, step) for step in (EVERY_STEP, *steps)), EVERY_STEP),
+            *((Choice("other", "Run", tuple((name, name) for name in known), known[0]),)),
+        ),
+        columns,
+        wide=True,
+        height_px=480,
+    )
+
+
+def _median(logs: np.ndarray) -> np.ndarray:
+    """Over the steps, of the points that some step has."""
+    found = np.full(logs.shape[1], np.nan)
+    for point in range(logs.shape[1]):
+        known = logs[np.isfinite(logs[:, point]), point]
+        if len(known):
+            found[point] = np.median(known)
+    return found
+
+
+def _columns(stem: str, logs: np.ndarray, points: list[str], about: dict[str, tuple[str, str, str]]) -> Columns:
+    known = np.flatnonzero(np.isfinite(logs))
+    values = logs[known]
+    up, down = int((values > EVEN_LOG2).sum()), int((values < -EVEN_LOG2).sum())
+    summary = (
+        f"median ×{2 ** np.median(values):.3g} over {len(values)} markers: {up} grew, {down} shrank"
+        if len(values)
+        else "no marker was triangulated by both"
+    )
+    return {
+        f"x|{stem}": [float(about[points[n]][0]) for n in known],
+        f"y|{stem}": [float(about[points[n]][1]) for n in known],
+        f"log|{stem}": plain(np.clip(values, -MOST_LOG2, MOST_LOG2), 3),
+        f"symbol|{stem}": [
+            "triangle-up" if v > EVEN_LOG2 else "triangle-down" if v < -EVEN_LOG2 else "circle" for v in values
+        ],
+        f"words|{stem}": [
+            f"marker {points[n]} on {about[points[n]][2]}: ×{2**v:.3g}" for n, v in zip(known, values, strict=True)
+        ],
+        f"summary|{stem}": summary,
+    }
