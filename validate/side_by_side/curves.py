@@ -53,6 +53,7 @@ def curves_figure(group: Group, names: Sequence[str]) -> Figure:
     for series in group.series:
         _fill(columns, series, group)
     traces: list[dict[str, Any]] = []
+    one = all(bool(np.isnan(series.measured_ratio).all()) for series in group.series)
     for number, name in enumerate(names):
         colour, symbol, dash = side_style(number)
         at = [value + shift * (number - (len(names) - 1) / 2) for value in x]
@@ -64,7 +65,7 @@ def curves_figure(group: Group, names: Sequence[str]) -> Figure:
             "legendgroup": str(number),
         }
         solid = base | {
-            "name": f"{name}, measured",
+            "name": "measured" if one else f"{name}, measured",
             "line": {"color": colour, "width": 2.2, "dash": "solid"},
             "marker": {"color": colour, "symbol": symbol, "size": 8},
         }
@@ -87,7 +88,11 @@ def curves_figure(group: Group, names: Sequence[str]) -> Figure:
         axis |= {"tickvals": x, "ticktext": list(group.steps)}
     plot = layout(
         axis,
-        {"title": {"text": f"÷ largest of {names[0]}"}, "domain": list(UPPER), "rangemode": "tozero"},
+        {
+            "title": {"text": "÷ its largest" if _own_models(group) else f"÷ largest of {names[0]}"},
+            "domain": list(UPPER),
+            "rangemode": "tozero",
+        },
         hovermode="closest",
     )
     plot["yaxis2"] = plot["yaxis"] | {
@@ -115,6 +120,7 @@ def curves_figure(group: Group, names: Sequence[str]) -> Figure:
         plot,
         (),
         columns,
+        wide=one,
         height_px=600,
     )
 

@@ -73,6 +73,7 @@ def dots_figure(dots: Dots, labels: Sequence[str], names: Sequence[str]) -> Figu
     if not rows:
         return None
     keys = [key for key in list(rows[0])[: list(rows[0]).index("quantity")] if key != dots.down]
+    keys = [key for number, key in enumerate(keys) if not _follows(key, keys[:number], rows)]
     choices = [_choice(key, rows) for key in keys]
     choices = [choice for choice in choices if len(choice.options) > 1]
     stem = "|".join(f"{{{choice.name}}}" for choice in choices)
@@ -114,6 +115,8 @@ def dots_figure(dots: Dots, labels: Sequence[str], names: Sequence[str]) -> Figu
     if dots.as_ratio:
         plot["xaxis2"] |= {"type": "log"}
     plot["yaxis2"] = plot["yaxis"] | {"anchor": "x2", "showticklabels": False}
+    note = {"text": ref(f"note|{stem}"), "xref": "paper", "yref": "paper", "x": 0.3, "y": 0.5, "showarrow": False}
+    plot["annotations"] = [note]
     plot["shapes"] = [line | {"x0": even, "x1": even}]
     alt = (
         f"Dots with intervals: {dots.axis} of each side, by {COLUMN_NAMES.get(dots.down, dots.down).lower()}; beside it "
@@ -153,6 +156,13 @@ def _choice(key: str, rows: Sequence[Row]) -> Choice:
     )
 
 
+def _follows(key: str, before: Sequence[str], rows: Sequence[Row]) -> bool:
+    """Whether another column's value says this one's, as a sweep has its number of cameras."""
+    return any(
+        len({(row[other], row[key]) for row in rows}) == len({row[other] for row in rows}) > 1 for other in before
+    )
+
+
 def _fits(row: Row, name: str, value: str) -> bool:
     """What knows no noise model is beside each."""
     own = str(row[name.removeprefix("by_")])
@@ -167,6 +177,7 @@ def _columns(stem: str, rows: Sequence[Row], dots: Dots, labels: Sequence[str]) 
     columns: Columns = {
         f"rows|{stem}": list(range(len(rows))),
         f"names|{stem}": [METRIC_NAMES.get(str(row[dots.down]), str(row[dots.down]) or "none") for row in rows],
+        f"note|{stem}": "" if rows else "the sides have no rows of this",
         f"range|{stem}": [len(rows) - 0.5, -0.5],
         f"height|{stem}": REST_PX + ROW_PX * max(len(rows), 3) * max(1, len(labels) - 1),
     }

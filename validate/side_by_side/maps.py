@@ -22,6 +22,9 @@ MOST_LOG2 = 2.0
 # |log2| of a ratio that is drawn as no change: a tenth.
 EVEN_LOG2 = math.log2(1.1)
 EVERY_STEP = "every step"
+# Width of a bar of the distribution: a factor of 1.19.
+BIN_LOG2 = 0.25
+EDGES = np.arange(-MOST_LOG2 - BIN_LOG2 / 2, MOST_LOG2 + BIN_LOG2, BIN_LOG2)
 
 
 def map_figure(sweep: str, sides: Sequence[Side], names: Sequence[str]) -> Figure | None:
@@ -57,7 +60,9 @@ def map_figure(sweep: str, sides: Sequence[Side], names: Sequence[str]) -> Figur
     known = [name for _, name in others if f"x|{name}|{EVERY_STEP}" in columns]
     if not known:
         return None
+    which = "{other}" if len(known) > 1 else known[0]
     bar = {
+        "x": 0.57,
         "title": {"text": "ratio"},
         "tickvals": [-2, -1, 0, 1, 2],
         "ticktext": ["¼", "½", "1", "2", "4"],
@@ -68,13 +73,13 @@ def map_figure(sweep: str, sides: Sequence[Side], names: Sequence[str]) -> Figur
         "type": "scatter",
         "mode": "markers",
         "showlegend": False,
-        "x": ref("x|{other}|{step}"),
-        "y": ref("y|{other}|{step}"),
-        "text": ref("words|{other}|{step}"),
+        "x": ref(f"x|{which}|{{step}}"),
+        "y": ref(f"y|{which}|{{step}}"),
+        "text": ref(f"words|{which}|{{step}}"),
         "hovertemplate": "%{text}<extra></extra>",
         "marker": {
-            "color": ref("log|{other}|{step}"),
-            "symbol": ref("symbol|{other}|{step}"),
+            "color": ref(f"log|{which}|{{step}}"),
+            "symbol": ref(f"symbol|{which}|{{step}}"),
             "size": 13,
             "cmin": -MOST_LOG2,
             "cmax": MOST_LOG2,
@@ -88,17 +93,18 @@ def map_figure(sweep: str, sides: Sequence[Side], names: Sequence[str]) -> Figur
         "Where errors grew, and where they shrank",
         f"The room from above. Each sign is a marker: its measured RMS error over that of {names[0]}, of “every step” the "
         "median ratio. Triangles that point up have grown by more than a tenth, those that point down have shrunk; circles "
-        "have done neither. Markers that either side did not triangulate are left out. Few trials make single markers "
+        "have done neither. Beside it, how many markers have which ratio: one hump says that a change acts on all alike, "
+        "two that it depends on where a marker is. Markers that either side did not triangulate are left out. Few trials make single markers "
         "scatter: look for regions, not for signs.",
-        "Plan view of the markers, by the ratio of their measured errors.",
-        [trace],
+        "Plan view of the markers, by the ratio of their measured errors, beside the distribution of these ratios.",
+        [trace, _histogram(which)],
         layout(
-            {"title": {"text": "x in m"}, "constrain": "domain"},
+            {"title": {"text": "x in m"}, "constrain": "domain", "domain": [0, 0.55]},
             {"title": {"text": "y in m"}, "scaleanchor": "x", "constrain": "domain"},
             hovermode="closest",
             annotations=[
                 {
-                    "text": ref("summary|{other}|{step}"),
+                    "text": ref(f"summary|{which}|{{step}}"),
                     "xref": "paper",
                     "yref": "paper",
                     "x": 0,
@@ -109,15 +115,48 @@ def map_figure(sweep: str, sides: Sequence[Side], names: Sequence[str]) -> Figur
                 }
             ],
             margin={"l": 60, "r": 16, "t": 30, "b": 48},
+            xaxis2={
+                "title": {"text": f"times the error of {names[0]}"},
+                "domain": [0.7, 1],
+                "anchor": "y2",
+                "tickvals": bar["tickvals"],
+                "ticktext": bar["ticktext"],
+                "range": [-MOST_LOG2 - BIN_LOG2, MOST_LOG2 + BIN_LOG2],
+            },
+            yaxis2={"title": {"text": "markers"}, "anchor": "x2", "rangemode": "tozero", "gridcolor": "#e4e4e4"},
+            bargap=0.05,
         ),
         (
             Choice("step", "Step", tuple((step, step) for step in (EVERY_STEP, *steps)), EVERY_STEP),
-            *((Choice("other", "Run", tuple((name, name) for name in known), known[0]),)),
+            *((Choice("other", "Run", tuple((name, name) for name in known), known[0]),) if len(known) > 1 else ()),
         ),
         columns,
         wide=True,
         height_px=480,
     )
+
+
+def _histogram(which: str) -> dict[str, Any]:
+    """How many markers have which ratio; those beyond the colours' ends stand at them."""
+    centres = EDGES[:-1] + BIN_LOG2 / 2
+    return {
+        "type": "bar",
+        "showlegend": False,
+        "x": plain(centres),
+        "y": ref(f"count|{which}|{{step}}"),
+        "xaxis": "x2",
+        "yaxis": "y2",
+        "text": [f"×{2**centre:.2g}" for centre in centres],
+        "textposition": "none",
+        "hovertemplate": "%{y} markers at about %{text}<extra></extra>",
+        "marker": {
+            "color": plain(centres),
+            "cmin": -MOST_LOG2,
+            "cmax": MOST_LOG2,
+            "colorscale": PURPLE_ORANGE,
+            "line": {"width": 1, "color": "#444"},
+        },
+    }
 
 
 def _median(logs: np.ndarray) -> np.ndarray:
@@ -150,4 +189,5 @@ def _columns(stem: str, logs: np.ndarray, points: list[str], about: dict[str, tu
             f"marker {points[n]} on {about[points[n]][2]}: ×{2**v:.3g}" for n, v in zip(known, values, strict=True)
         ],
         f"summary|{stem}": summary,
+        f"count|{stem}": np.histogram(np.clip(values, -MOST_LOG2, MOST_LOG2), EDGES)[0].tolist(),
     }

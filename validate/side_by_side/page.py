@@ -19,6 +19,7 @@ from validate.side_by_side.verdict import (
     Finding,
     headline,
     measured_findings,
+    moved_by_model,
     moved_findings,
     ranked_findings,
 )
@@ -67,7 +68,12 @@ def html_of(sides: Sequence[Side]) -> str:
     sections = [_group_section(group, sides, names) for group in groups]
     ranking = [figure for figure in _rankings(sides, names) if figure is not None]
     if ranking:
-        section = {"id": "ranking", "title": "How well predictions rank", "kicker": "ρ of each side", "shared": ()}
+        section = {
+            "id": "ranking",
+            "title": "How well predictions rank",
+            "kicker": "Of each side, and the differences",
+            "shared": (),
+        }
         sections.append(section | {"lead": RANKING_LEAD, "figures": ranking})
     return rendered(
         "validate.side_by_side",
@@ -81,6 +87,7 @@ def html_of(sides: Sequence[Side]) -> str:
         unknown=[name for side, name in zip(sides, names, strict=True) if side.settings() is None],
         one_run=len({side.folder.resolve() for side in sides}) == 1,
         cards=_cards(groups, sides, names),
+        moved=moved_by_model(groups, sides, names),
         sections=sections,
         tables=folded_tables(sides, names),
         left_out=left_out(sides, names),
@@ -132,15 +139,16 @@ def _cards(groups: Sequence[Group], sides: Sequence[Side], names: Sequence[str])
         one = "All sides are rows of one run, which measured one thing: only what was predicted can differ."
         measured = moved = [Finding("", "open", one)]
     else:
-        none = Finding("", "open", "The sides have no measured steps alike.")
+        none = Finding("", "open", "The sides have no steps alike of which their tables say what was measured.")
         measured = measured_findings(groups, sides, names) or [none]
         moved = moved_findings(groups, sides, names) or [none]
     ranked = ranked_findings(sides, names) or [Finding("", "open", "The sides have no correlations alike.")]
-    return [
+    cards = [
         _card("Is the measured precision different?", measured, "Not that it shows"),
         _card("Does the metric foresee the change?", moved, "No"),
         _card("Does one prediction rank better?", ranked, "Not that it shows"),
     ]
+    return sorted(cards, key=lambda card: all(f.state == "open" for f in card["findings"]))
 
 
 def _card(question: str, findings: Sequence[Finding], none_shown: str) -> dict[str, Any]:

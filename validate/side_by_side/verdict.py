@@ -17,12 +17,22 @@ from validate.side_by_side.rows import QUANTITIES, matched
 from validate.side_by_side.runs import Side
 from validate.side_by_side.series import Group, Series, leading, same_measurement
 
-__all__ = ["Finding", "headline", "measured_findings", "moved_finding", "moved_findings", "pooled", "ranked_findings"]
+__all__ = [
+    "Finding",
+    "headline",
+    "measured_findings",
+    "moved_by_model",
+    "moved_finding",
+    "moved_findings",
+    "pooled",
+    "ranked_findings",
+]
 
 Floats = NDArray[np.float64]
 
 # A prediction that moves by less has not moved: the tables keep seven digits, a reader three.
 UNMOVED = 0.005
+STATES = {"yes": "yes", "partly": "in part", "no": "no", "open": "nothing to foresee, or no interval"}
 RANKED = ("correlation", "leaderboard", "agreement")
 
 
@@ -167,10 +177,39 @@ def moved_finding(about: str, predicted: Floats, measured: Floats) -> Finding:
         state, words = "no", f"The prediction moved the other way: {said}."
     elif agrees:
         state = "open"
-        words = f"In the mean, nothing was measured that a prediction could foresee, and it agrees: {said}."
+        words = f"In the mean, no change was measured beyond its interval, and the prediction agrees: {said}."
     else:
         state, words = "no", f"A change was predicted that was not measured: {said}."
     return Finding(about, state, words + details)
+
+
+def moved_by_model(groups: Sequence[Group], sides: Sequence[Side], names: Sequence[str]) -> list[tuple[str, ...]]:
+    """The same for every noise model, as cells: group, side, model, measured and predicted ratio, steps within, state."""
+    found = []
+    for group in groups:
+        series = _with_interval(group)
+        for number, (side, name) in enumerate(zip(sides[1:], names[1:], strict=True)):
+            for model, ratios in series.predicted_ratio.items():
+                if same_measurement(sides[0], side):
+                    continue
+                predicted, measured = ratios[number], series.measured_ratio[number]
+                known = np.isfinite(predicted) & (predicted > 0) & np.isfinite(measured[:, 0]) & (measured[:, 0] > 0)
+                if not known.any():
+                    continue
+                p, m = predicted[known], measured[known]
+                inside = int(((m[:, 1] <= p) & (p <= m[:, 2])).sum()) if np.isfinite(m).all() else None
+                found.append(
+                    (
+                        group.name,
+                        name,
+                        model,
+                        value_text(pooled(m)),
+                        value_text((float(np.exp(np.log(p).mean())),)),
+                        "–" if inside is None else f"{inside} of {len(p)}",
+                        STATES[moved_finding("", predicted, measured).state],
+                    )
+                )
+    return found
 
 
 def _capital(text: str) -> str:
@@ -224,7 +263,9 @@ def _ranked(
     if regret is not None:
         lost = [float(str(regret.get(side.label, math.nan))) for side in reversed(pair)]
         if not any(math.isnan(value) for value in lost):
-            losses = f" Regret: {lost[0]:.1%} and {lost[1]:.1%} of the best measured.".replace("%", " %")
+            losses = f" Regret, in the same order: {lost[0]:.1%} and {lost[1]:.1%} of the best measured.".replace(
+                "%", " %"
+            )
     if math.isnan(difference[0]):
         return Finding(about, "open", f"ρ of {names[1]} or of {names[0]} is undefined.{losses}")
     if math.isnan(difference[1]):
@@ -252,4 +293,4 @@ def headline(findings: Sequence[Finding], none_shown: str) -> str:
         only = next(state for state, count in counts.items() if count == len(judged))
         return {"yes": "Yes", "partly": "In part", "no": none_shown}[only]
     parts = [f"{words} in {counts[state]}" for state, words in (("yes", "yes"), ("partly", "in part")) if counts[state]]
-    return _capital(", ".join(parts)) + f" of {len(judged)}"
+    return _capital(", ".join([f"{parts[0]} of {len(judged)}", *parts[1:]]))

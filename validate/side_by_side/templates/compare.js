@@ -2,6 +2,8 @@
 (() => {
   const data = JSON.parse(document.getElementById("data").textContent);
   const NARROW_PX = 520;
+  // Between halves that stand one below the other: an axis with its title, and for a plan its colours.
+  const GAP_PX = 90;
   const CONFIG = { displaylogo: false, responsive: true, displayModeBar: false };
 
   /** A figure with its columns put in; {…} in a column's name is the reader's choice. */
@@ -64,12 +66,13 @@
       for (const trace of traces)
         if (trace.marker && trace.marker.colorbar) trace.marker.colorbar = { ...trace.marker.colorbar, orientation: "h", y: -0.16,
           yanchor: "top", len: 0.9, thickness: 10, title: { ...trace.marker.colorbar.title, side: "top" } };
-      if (layout.xaxis2) { // the halves of dots stand one below the other
+      if (layout.xaxis2) { // the halves stand one below the other
         layout.height = Math.round(1.75 * layout.height);
         layout.xaxis = { ...layout.xaxis, domain: [0, 1] };
         layout.xaxis2 = { ...layout.xaxis2, domain: [0, 1] };
-        layout.yaxis = { ...layout.yaxis, domain: [0.55, 1] };
-        layout.yaxis2 = { ...layout.yaxis2, domain: [0, 0.45], showticklabels: true };
+        const gap = GAP_PX / layout.height;
+        layout.yaxis = { ...layout.yaxis, domain: [0.5 + gap / 2, 1] };
+        layout.yaxis2 = { ...layout.yaxis2, domain: [0, 0.5 - gap / 2], showticklabels: true };
       } else if (!layout.yaxis2) layout.height = Math.round(Math.min(layout.height, 1.05 * this.div.clientWidth + 80));
     }
   }
