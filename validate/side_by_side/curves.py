@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from validate.figures import AXIS_NAMES
-from validate.report.style import COLOURS, DASHES, GREY, INK, SYMBOLS, layout
+from validate.report.style import GREY, INK, layout
 from validate.report.traces import Choice, Columns, Figure, plain, ref
+from validate.side_by_side.axes import ratio_ticks, side_style
 from validate.side_by_side.series import OWN, Group, Series, leading
 
-__all__ = ["curves_figure", "moved_figure", "pair_choice", "side_style"]
+__all__ = ["curves_figure", "moved_figure", "pair_choice"]
 
 Floats = NDArray[np.float64]
 
@@ -23,17 +24,6 @@ ROOM_FOR_AXIS = 1.15
 APART_SHARE = 0.012
 # Halves of the figure: curves above, ratios below.
 UPPER, LOWER = (0.47, 1.0), (0.0, 0.38)
-
-
-def side_style(number: int) -> tuple[str, str, str]:
-    """Colour, symbol and dash of a side; the first is a black circle, so that grey prints have it too."""
-    if number == 0:
-        return INK, "circle", "solid"
-    return (
-        COLOURS[(number - 1) % len(COLOURS)],
-        SYMBOLS[(number - 1) % len(SYMBOLS)],
-        DASHES[(number - 1) % len(DASHES)],
-    )
 
 
 def pair_choice(group: Group) -> tuple[Choice, Choice]:
@@ -99,7 +89,8 @@ def curves_figure(group: Group, names: Sequence[str]) -> Figure:
         "domain": list(LOWER),
         "type": "log",
         "rangemode": "normal",
-        "nticks": 6,
+        "tickvals": ref("ticks|{pair}|{model}"),
+        "ticktext": ref("tick_words|{pair}|{model}"),
         "title": {"text": f"÷ {names[0]}", "font": {"size": 13}},
     }
     plot["shapes"] = [{"type": "line", "xref": "paper", "x0": 0, "x1": 1, "yref": "y2", "y0": 1, "y1": 1} | _LINE]
@@ -107,13 +98,13 @@ def curves_figure(group: Group, names: Sequence[str]) -> Figure:
     return Figure(
         "curves",
         "What was measured and predicted, and how it changed",
-        "Above: solid lines with 95 % intervals are measured, broken ones with open signs predicted. Measured curves are "
-        f"divided by the largest measured of {names[0]}, predicted ones by "
+        "Above: solid lines with 95 % intervals are measured, broken ones with open signs predicted. Measured curves "
+        f"are divided by the largest measured of {names[0]}, predicted ones by "
         + ("the largest of their own" if own else f"the largest predicted of {names[0]}")
-        + f", so that sizes of the sides can be compared. Below: each step’s ratio to {names[0]}; on the grey line nothing "
-        "changed. Where an interval crosses that line, this step alone does not show a change. Where the broken line runs "
-        "within the intervals, the prediction saw the change coming. The filter’s measured PSS has no interval in the "
-        "tables.",
+        + f", so that sizes of the sides can be compared. Below: each step’s ratio to {names[0]}; on the grey line "
+        "nothing changed. Where an interval crosses that line, this step alone does not show a change. Where the "
+        "broken line runs within the intervals, the prediction saw the change coming. The filter’s measured PSS has no "
+        "interval in the tables.",
         "Curves over the steps, of each side measured and predicted, and below them the ratios to "
         f"{names[0]}. The tables below give the same in numbers.",
         traces,
@@ -181,6 +172,13 @@ def _fill(columns: Columns, series: Series, group: Group) -> None:
             columns[f"curve{number}|{stem}"] = plain(values / _largest(values if model == OWN else predicted[0]))
         for number, values in enumerate(ratios, start=1):
             columns[f"ratio{number}|{stem}"] = plain(values)
+        seen = np.concatenate([ratios.ravel(), series.measured_ratio.ravel(), [1.0]])
+        columns |= _ticks(f"{name}|{model}", seen)
+
+
+def _ticks(stem: str, ratios: Floats) -> Columns:
+    ticks = ratio_ticks(ratios)
+    return {f"ticks|{stem}": ticks, f"tick_words|{stem}": [f"{tick:g}" for tick in ticks]}
 
 
 def _limited(columns: Columns, name: str, stem: str, values: Floats) -> None:
@@ -210,6 +208,7 @@ def moved_figure(group: Group, names: Sequence[str]) -> Figure | None:
             ends = [float(low) / ROOM_FOR_AXIS, float(high) * ROOM_FOR_AXIS]
             columns[f"ends|{stem}"] = plain(ends)
             columns[f"range|{stem}"] = plain(np.log10(ends))
+            columns |= _ticks(stem, np.array(ends))
             for number, values in enumerate(predicted, start=1):
                 columns[f"moved{number}|{stem}"] = plain(values)
                 _limited(columns, f"measured{number}", stem, series.measured_ratio[number - 1])
@@ -245,14 +244,15 @@ def moved_figure(group: Group, names: Sequence[str]) -> Figure | None:
         {"type": "line", "xref": "x", "yref": "paper", "x0": 1, "x1": 1, "y0": 0, "y1": 1} | _LINE,
         {"type": "line", "xref": "paper", "yref": "y", "x0": 0, "x1": 1, "y0": 1, "y1": 1} | _LINE,
     ]
-    both_axes = {"type": "log", "range": ref("range|{pair}|{model}"), "nticks": 6}
+    both_axes: dict[str, Any] = {"type": "log", "range": ref("range|{pair}|{model}")}
+    both_axes |= {"tickvals": ref("ticks|{pair}|{model}"), "ticktext": ref("tick_words|{pair}|{model}")}
     return Figure(
         "moved",
         "Does the metric foresee the change?",
-        f"Each sign is a step: to the right, how many times as large as {names[0]}’s the prediction is; upwards, how many "
-        "times what was measured is, with its 95 % interval. On the black line the metric foresees exactly what changing "
-        "the settings does. Signs stacked above one another are changes that the metric does not know of; on the grey "
-        "lines nothing changed. In the upper right and lower left quarters the direction is right.",
+        f"Each sign is a step: to the right, how many times as large as {names[0]}’s the prediction is; upwards, how "
+        "many times what was measured is, with its 95 % interval. On the black line the metric foresees exactly what "
+        "changing the settings does. Signs stacked above one another are changes that the metric does not know of; on "
+        "the grey lines nothing changed. In the upper right and lower left quarters the direction is right.",
         "Scatter of predicted against measured ratios to "
         f"{names[0]}, one sign a step, on logarithmic axes with the line of equality.",
         traces,

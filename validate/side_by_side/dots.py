@@ -1,4 +1,4 @@
-"""A comparison's figure of dots with intervals: a number of each side, row by row, and differences from the first side."""
+"""A comparison's figure of dots with intervals: a number of each side in rows, and differences from the first side."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 from validate.report.quality import METRIC_NAMES, YARDSTICK_NAMES
 from validate.report.style import GREY, layout
 from validate.report.traces import Choice, Columns, Figure, plain, ref
-from validate.side_by_side.curves import side_style
+from validate.side_by_side.axes import side_style
 
 __all__ = ["Dots", "dots_figure"]
 
@@ -119,8 +119,8 @@ def dots_figure(dots: Dots, labels: Sequence[str], names: Sequence[str]) -> Figu
     plot["annotations"] = [note]
     plot["shapes"] = [line | {"x0": even, "x1": even}]
     alt = (
-        f"Dots with intervals: {dots.axis} of each side, by {COLUMN_NAMES.get(dots.down, dots.down).lower()}; beside it "
-        f"the {right}s to {names[0]}. The folded tables have the same numbers."
+        f"Dots with intervals: {dots.axis} of each side, by {COLUMN_NAMES.get(dots.down, dots.down).lower()}; beside "
+        f"it the {right}s to {names[0]}. The folded tables have the same numbers."
     )
     return Figure(dots.id, dots.title, dots.caption, alt, traces, plot, tuple(choices), columns, wide=True)
 

@@ -8,7 +8,8 @@ from typing import Any
 
 from validate.report.frame import rendered
 from validate.report.traces import Figure
-from validate.side_by_side.curves import curves_figure, moved_figure, pair_choice, side_style
+from validate.side_by_side.axes import side_style
+from validate.side_by_side.curves import curves_figure, moved_figure, pair_choice
 from validate.side_by_side.dots import Dots, dots_figure
 from validate.side_by_side.folded import folded_tables, left_out, settings_by_group
 from validate.side_by_side.maps import map_figure
@@ -95,9 +96,9 @@ def html_of(sides: Sequence[Side]) -> str:
 
 
 RANKING_LEAD = (
-    "Spearman’s ρ says how far a prediction puts configurations in the order in which they were measured: 1 is the same "
-    "order, 0 none. Left, each side’s own with its 95 % interval; right, the difference to the first side. Where a bar "
-    "crosses the line at 0, the two cannot be told apart."
+    "Spearman’s ρ says how far a prediction puts configurations in the order in which they were measured: 1 is the "
+    "same order, 0 none. Left, each side’s own with its 95 % interval; right, the difference to the first side. Where "
+    "a bar crosses the line at 0, the two cannot be told apart."
 )
 
 
@@ -195,12 +196,13 @@ def _rankings(sides: Sequence[Side], names: Sequence[str]) -> list[Figure | None
 
 
 CAPTIONS = {
-    "correlation": "Intervals are from resampled trials and points of each run. A few steps tell metrics apart badly: read "
-    "the bars, not the dots.",
-    "leaderboard": "Sorted by the first side. A metric that is at the top of both sides is good under both conditions; one "
-    "whose difference leaves the line at 0 depends on what was changed. Metrics that know no noise model stand beside each.",
-    "agreement": "Over the moments of the walk, predicted against measured PSS by strategy: where the bars on the right lie "
-    "clear of 0, the prediction follows one run better than the other.",
+    "correlation": "Intervals are from resampled trials and points of each run. A few steps tell metrics apart badly: "
+    "read the bars, not the dots.",
+    "leaderboard": "Sorted by the first side. A metric that is at the top of both sides is good under both conditions; "
+    "one whose difference leaves the line at 0 depends on what was changed. Metrics that know no noise model stand "
+    "beside each.",
+    "agreement": "Over the moments of the walk, predicted against measured PSS by strategy: where the bars on the "
+    "right lie clear of 0, the prediction follows one run better than the other.",
 }
 
 

@@ -18,7 +18,16 @@ Row = dict[str, str]
 
 RUN_FILE = "run.json"
 # What may differ between two runs of one thing, or says no more than the rest.
-NOT_SETTINGS = ("options", "seconds", "rendered", "measured", "failed", "figures_drawn_from", "seeds")
+NOT_SETTINGS = (
+    "options",
+    "seconds",
+    "rendered",
+    "measured",
+    "failed",
+    "figures_drawn_from",
+    "report_made_from",
+    "seeds",
+)
 # By these a run of several sweeps says what it ran, each under the sweep's name.
 BY_SWEEP = {"scenes": "scene", "sweeps": "sweep"}
 
@@ -143,7 +152,7 @@ def settings_rows(sides: Sequence[Side]) -> list[dict[str, object]]:
         values = tuple(each.get(key, "") for each in known)
         if len(set(values)) > 1:
             first, _, rest = key.partition(".")
-            name = f"{BY_SWEEP[first]}.{rest.partition('.')[2]}" if first in BY_SWEEP else key
+            name = f"{BY_SWEEP[first]}.{rest.partition('.')[2]}" if first in BY_SWEEP and rest else key
             rows[name, *values] = None
     return [{"key": name, **dict(zip((s.label for s in sides), values, strict=True))} for name, *values in rows]
 

@@ -184,7 +184,7 @@ def moved_finding(about: str, predicted: Floats, measured: Floats) -> Finding:
 
 
 def moved_by_model(groups: Sequence[Group], sides: Sequence[Side], names: Sequence[str]) -> list[tuple[str, ...]]:
-    """The same for every noise model, as cells: group, side, model, measured and predicted ratio, steps within, state."""
+    """The same of every noise model, as cells: group, side, model, measured, predicted, steps within, state."""
     found = []
     for group in groups:
         series = _with_interval(group)
