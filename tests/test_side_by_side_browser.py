@@ -10,13 +10,12 @@ import pytest
 
 pytest.importorskip("selenium", reason="selenium is not installed")
 
-from selenium import webdriver  # noqa: E402  # only where it is installed
-from selenium.webdriver.chrome.service import Service  # noqa: E402
-from selenium.webdriver.common.by import By  # noqa: E402
-from selenium.webdriver.common.keys import Keys  # noqa: E402
-from selenium.webdriver.support.ui import Select  # noqa: E402
+from selenium import webdriver  # only where it is installed
+from selenium.webdriver.chrome.service import Service
+from selenium.webdriver.common.keys import Keys
+from selenium.webdriver.support.ui import Select
 
-from tests.test_report_browser import (  # noqa: E402
+from tests.test_report_browser import (
     BROWSER,
     DRIVER,
     FLAGS,
@@ -26,9 +25,9 @@ from tests.test_report_browser import (  # noqa: E402
     shown,
     until,
 )
-from tests.test_side_by_side_page import LONG, a_run  # noqa: E402
-from validate.side_by_side.page import write_page  # noqa: E402
-from validate.side_by_side.runs import sides_of  # noqa: E402
+from tests.test_side_by_side_page import LONG, a_run
+from validate.side_by_side.page import write_page
+from validate.side_by_side.runs import sides_of
 
 pytestmark = [
     pytest.mark.acceptance,

@@ -398,5 +398,5 @@ def test_compare_leaves_the_page(made, tmp_path, monkeypatch, capsys):
     assert main([*two, "--table", "csv", "--out", "other.html"]) == 0
     assert len(list(csv.reader(capsys.readouterr().out.splitlines()))) > 3
     assert (tmp_path / "other.html").exists()
-    with pytest.raises(StoreError, match="ends in .html"):
+    with pytest.raises(StoreError, match=r"ends in \.html"):
         main([*two, "--out", "other.pdf"])
