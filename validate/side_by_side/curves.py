@@ -79,7 +79,7 @@ def curves_figure(group: Group, names: Sequence[str]) -> Figure:
     plot = layout(
         axis,
         {
-            "title": {"text": "÷ its largest" if _own_models(group) else f"÷ largest of {names[0]}"},
+            "title": {"text": "÷ its largest" if one else f"÷ largest of {names[0]}"},
             "domain": list(UPPER),
             "rangemode": "tozero",
         },
@@ -94,17 +94,10 @@ def curves_figure(group: Group, names: Sequence[str]) -> Figure:
         "title": {"text": f"÷ {names[0]}", "font": {"size": 13}},
     }
     plot["shapes"] = [{"type": "line", "xref": "paper", "x0": 0, "x1": 1, "yref": "y2", "y0": 1, "y1": 1} | _LINE]
-    own = _own_models(group)
     return Figure(
         "curves",
         "What was measured and predicted, and how it changed",
-        "Above: solid lines with 95 % intervals are measured, broken ones with open signs predicted. Measured curves "
-        f"are divided by the largest measured of {names[0]}, predicted ones by "
-        + ("the largest of their own" if own else f"the largest predicted of {names[0]}")
-        + f", so that sizes of the sides can be compared. Below: each step’s ratio to {names[0]}; on the grey line "
-        "nothing changed. Where an interval crosses that line, this step alone does not show a change. Where the "
-        "broken line runs within the intervals, the prediction saw the change coming. The filter’s measured PSS has no "
-        "interval in the tables.",
+        _words(names, one, _own_models(group)),
         "Curves over the steps, of each side measured and predicted, and below them the ratios to "
         f"{names[0]}. The tables below give the same in numbers.",
         traces,
@@ -113,6 +106,25 @@ def curves_figure(group: Group, names: Sequence[str]) -> Figure:
         columns,
         wide=one,
         height_px=600,
+    )
+
+
+def _words(names: Sequence[str], one: bool, own: bool) -> str:
+    """The caption: of sides that are `one` measurement, or have their `own` noise models, otherwise."""
+    if one:
+        return (
+            "Above: the solid line with 95 % intervals is what was measured, once for all sides; broken lines with "
+            "open signs are predicted. Each is divided by its own largest value: shapes and optima can be compared, "
+            f"sizes cannot. Below: each prediction over that of {names[0]}. Where this line is level, the two differ "
+            "by a factor alone, and choose the same step; where it is not, they rank differently."
+        )
+    scale = "the largest of their own" if own else f"the largest predicted of {names[0]}"
+    return (
+        "Above: solid lines with 95 % intervals are measured, broken ones with open signs predicted. Measured curves "
+        f"are divided by the largest measured of {names[0]}, predicted ones by {scale}. Below: each step’s ratio to "
+        f"{names[0]}; on the grey line nothing changed. Where an interval crosses that line, this step alone does not "
+        "show a change. Where the broken line runs within the intervals, the prediction saw the change coming. The "
+        "filter’s measured PSS has no interval in the tables."
     )
 
 

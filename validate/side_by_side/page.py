@@ -136,7 +136,8 @@ def _shortened(value: str) -> str:
 
 def _cards(groups: Sequence[Group], sides: Sequence[Side], names: Sequence[str]) -> list[dict[str, Any]]:
     """The three questions with their answers."""
-    if all(same_measurement(sides[0], side) for side in sides[1:]):
+    one_run = all(same_measurement(sides[0], side) for side in sides[1:])
+    if one_run:
         one = "All sides are rows of one run, which measured one thing: only what was predicted can differ."
         measured = moved = [Finding("", "open", one)]
     else:
@@ -149,6 +150,8 @@ def _cards(groups: Sequence[Group], sides: Sequence[Side], names: Sequence[str])
         _card("Does the metric foresee the change?", moved, "No"),
         _card("Does one prediction rank better?", ranked, "Not that it shows"),
     ]
+    if one_run:
+        cards[0]["answer"] = cards[1]["answer"] = "It is one run"
     return sorted(cards, key=lambda card: all(f.state == "open" for f in card["findings"]))
 
 
@@ -200,7 +203,7 @@ CAPTIONS = {
     "read the bars, not the dots.",
     "leaderboard": "Sorted by the first side. A metric that is at the top of both sides is good under both conditions; "
     "one whose difference leaves the line at 0 depends on what was changed. Metrics that know no noise model stand "
-    "beside each.",
+    "beside each; not every metric was taken with every noise model.",
     "agreement": "Over the moments of the walk, predicted against measured PSS by strategy: where the bars on the "
     "right lie clear of 0, the prediction follows one run better than the other.",
 }
