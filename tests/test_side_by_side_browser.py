@@ -86,7 +86,7 @@ def test_every_figure_is_drawn_without_an_error_and_without_the_network(browser,
     [
         (f"{SECTION} [data-choice=pair]", "rms", (f"{SECTION} [data-figure=curves]", f"{SECTION} [data-figure=moved]")),
         (f"{SECTION} [data-choice=model]", "as-printed", (f"{SECTION} [data-figure=moved]",)),
-        (f"{SECTION} [data-choice=other]", "B: dim", (f"{SECTION} [data-figure=map]",)),
+        (f"{SECTION} [data-choice=other]", "1", (f"{SECTION} [data-figure=map]",)),
         ("#ranking [data-choice=by_noise_model]", "as-printed", ("#ranking [data-figure=correlation]",)),
     ],
 )

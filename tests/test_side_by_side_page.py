@@ -168,9 +168,9 @@ def test_the_dots_have_the_matched_differences(made):
 def test_the_plan_has_the_ratio_of_each_points_error(made):
     """Errors of `dim` are twice as large everywhere; of the third side 2 % smaller, which is drawn as no change."""
     (plan,) = [f for f in script(made.text)["sections"][0]["figures"] if f["id"] == "map"]
-    assert plan["columns"]["log|B: dim|every step"] == pytest.approx([1.0] * 4, abs=DRAWN_DIGITS)
-    assert set(plan["columns"][f"symbol|{made.names[2]}|every step"]) == {"circle"}
-    assert sum(plan["columns"]["count|B: dim|zoom=1"]) == 4
+    assert plan["columns"]["log|1|every step"] == pytest.approx([1.0] * 4, abs=DRAWN_DIGITS)
+    assert set(plan["columns"]["symbol|2|every step"]) == {"circle"}
+    assert sum(plan["columns"]["count|1|zoom=1"]) == 4
 
 
 def test_a_mean_of_ratios_covers_the_truth_whatever_the_steps_share():

@@ -33,7 +33,7 @@ def map_figure(sweep: str, sides: Sequence[Side], names: Sequence[str]) -> Figur
     None where the sides have no points alike, or are one measurement.
     """
     others = [
-        (side, name) for side, name in zip(sides[1:], names[1:], strict=True) if not same_measurement(sides[0], side)
+        (side, str(number)) for number, side in enumerate(sides) if number and not same_measurement(sides[0], side)
     ]
     rows = [row for row in matched(sides, POINTS) if row.get("sweep", sweep) == sweep] if others else []
     if not rows or "point" not in rows[0]:
@@ -46,7 +46,7 @@ def map_figure(sweep: str, sides: Sequence[Side], names: Sequence[str]) -> Figur
     points = list(about)
     steps = list(dict.fromkeys(str(row.get("configuration", "")) for row in rows))
     columns: Columns = {}
-    for side, name in others:
+    for side, number in others:
         ratios = {
             (str(row.get("configuration", "")), row["point"]): float(str(row[f"{side.label}_ratio"])) for row in rows
         }
@@ -56,8 +56,8 @@ def map_figure(sweep: str, sides: Sequence[Side], names: Sequence[str]) -> Figur
         if not np.isfinite(logs).any():
             continue
         for step, values in zip((EVERY_STEP, *steps), (_median(logs), *logs), strict=True):
-            columns |= _columns(f"{name}|{step}", values, points, about)
-    known = [name for _, name in others if f"x|{name}|{EVERY_STEP}" in columns]
+            columns |= _columns(f"{number}|{step}", values, points, about)
+    known = [number for _, number in others if f"x|{number}|{EVERY_STEP}" in columns]
     if not known:
         return None
     which = "{other}" if len(known) > 1 else known[0]
@@ -128,7 +128,11 @@ def map_figure(sweep: str, sides: Sequence[Side], names: Sequence[str]) -> Figur
         ),
         (
             Choice("step", "Step", tuple((step, step) for step in (EVERY_STEP, *steps)), EVERY_STEP),
-            *((Choice("other", "Run", tuple((name, name) for name in known), known[0]),) if len(known) > 1 else ()),
+            *(
+                (Choice("other", "Run", tuple((number, names[int(number)]) for number in known), known[0]),)
+                if len(known) > 1
+                else ()
+            ),
         ),
         columns,
         wide=True,
