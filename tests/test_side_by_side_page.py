@@ -211,6 +211,11 @@ def test_runs_that_are_apart(tmp_path):
     assert ranked.words.startswith("The prediction of a ranks better than that of b: ρ is +0.30")
     assert "−0.50 [−0.64, −0.36]" in ranked.words
     assert "5.0 % and 5.0 %" in ranked.words
+    (tmp_path / "b" / "correlation.csv").write_text(
+        (tmp_path / "b" / "correlation.csv").read_text().replace("0.05", "")
+    )
+    sides = sides_of([str(tmp_path / name) for name in "ab"])
+    assert "unknown and 5.0 % of the best" in ranked_findings(sides, ["a", "b"])[0].words
 
 
 def test_runs_that_are_not_apart(tmp_path):

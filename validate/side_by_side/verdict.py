@@ -262,10 +262,9 @@ def _ranked(
     losses = ""
     if regret is not None:
         lost = [float(str(regret.get(side.label, math.nan))) for side in reversed(pair)]
-        if not any(math.isnan(value) for value in lost):
-            losses = f" Regret, in the same order: {lost[0]:.1%} and {lost[1]:.1%} of the best measured.".replace(
-                "%", " %"
-            )
+        if not all(math.isnan(value) for value in lost):
+            of_other, of_first = ("unknown" if math.isnan(value) else f"{value:.1%}" for value in lost)
+            losses = f" Regret, in the same order: {of_other} and {of_first} of the best measured.".replace("%", " %")
     if math.isnan(difference[0]):
         return Finding(about, "open", f"ρ of {names[1]} or of {names[0]} is undefined.{losses}")
     if math.isnan(difference[1]):
