@@ -116,14 +116,19 @@ def map_figure(sweep: str, sides: Sequence[Side], names: Sequence[str]) -> Figur
             ],
             margin={"l": 60, "r": 16, "t": 30, "b": 48},
             xaxis2={
-                "title": {"text": f"times the error of {names[0]}"},
+                "title": {"text": "ratio of errors", "font": {"size": 13}},
                 "domain": [0.7, 1],
                 "anchor": "y2",
                 "tickvals": bar["tickvals"],
                 "ticktext": bar["ticktext"],
                 "range": [-MOST_LOG2 - BIN_LOG2, MOST_LOG2 + BIN_LOG2],
             },
-            yaxis2={"title": {"text": "markers"}, "anchor": "x2", "rangemode": "tozero", "gridcolor": "#e4e4e4"},
+            yaxis2={
+                "title": {"text": "markers", "font": {"size": 13}},
+                "anchor": "x2",
+                "rangemode": "tozero",
+                "gridcolor": "#e4e4e4",
+            },
             bargap=0.05,
         ),
         (

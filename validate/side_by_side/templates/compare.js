@@ -4,6 +4,9 @@
   const NARROW_PX = 520;
   // Between halves that stand one below the other: an axis with its title, and for a plan its colours.
   const GAP_PX = 90;
+  // Within the margins of A4 and of letter paper.
+  const PRINTED_PX = 700;
+  let printing = false;
   const CONFIG = { displaylogo: false, responsive: true, displayModeBar: false };
 
   /** A figure with its columns put in; {…} in a column's name is the reader's choice. */
@@ -50,7 +53,8 @@
       const layout = filled(this.figure.layout, this.figure.columns, chosen);
       const narrow = this.div.clientWidth < NARROW_PX;
       layout.height = layout.height || this.figure.height;
-      layout.autosize = true;
+      layout.autosize = !printing;
+      if (printing) layout.width = Math.min(PRINTED_PX, this.div.clientWidth);
       if (narrow) this.forNarrow(layout, traces);
       this.div.style.minHeight = layout.height + "px";
       Plotly.react(this.div, traces, layout, CONFIG);
@@ -94,11 +98,20 @@
     }
   }
 
+  /** All figures: as wide as paper is, or as the window. */
+  function redraw(onPaper) {
+    printing = onPaper;
+    sections.forEach((section) => section.plots.forEach((plot) => {
+      plot.dirty = true;
+      if (onPaper || plot.seen) plot.refresh();
+    }));
+  }
   const sections = [...document.querySelectorAll("[data-section]")].map((element) => new Section(element));
   window.addEventListener("beforeprint", () => {
     document.querySelectorAll("details").forEach((details) => { details.open = true; });
-    sections.forEach((section) => section.plots.forEach((plot) => plot.refresh()));
+    redraw(true);
   });
+  window.addEventListener("afterprint", () => redraw(false));
   // A window that becomes narrow, or a phone that is turned.
   let width = window.innerWidth;
   window.addEventListener("resize", () => {
