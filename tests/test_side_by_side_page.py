@@ -258,11 +258,11 @@ def test_whether_a_change_was_foreseen(predicted, measured, state, words):
 
 
 def test_steps_that_moved_the_right_way_are_counted():
-    """Two steps apart, one of which was predicted to move the other way; one step that is not apart."""
-    measured = np.array([[0.5, 0.4, 0.6], [2.0, 1.5, 2.5], [1.0, 0.8, 1.2]])
-    words = moved_finding("", np.array([0.55, 0.9, 1.1]), measured).words
-    assert "At 2 of 3 steps the predicted ratio lies in" in words
-    assert "of the 2 where a change was measured beyond its interval, 1 moved that way" in words
+    """Three steps apart, one of which was predicted to move the other way; one step that is not apart."""
+    measured = np.array([[0.5, 0.4, 0.6], [0.5, 0.4, 0.6], [2.0, 1.5, 2.5], [1.0, 0.8, 1.2]])
+    words = moved_finding("", np.array([0.55, 0.3, 0.9, 1.1]), measured).words
+    assert "At 2 of 4 steps the predicted ratio lies in" in words
+    assert "of the 3 where a change was measured beyond its interval, 2 moved that way" in words
 
 
 def test_headlines_count_what_could_be_judged():
