@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -12,6 +11,7 @@ import plotly.offline
 
 from validate.report import budget, curves, points, quality, scene3d, verdict
 from validate.report.data import KINDS, MM, SweepTable
+from validate.report.frame import json_in_page
 from validate.report.images import LAYERS, MOST_BLUR_PX, Crop, Pictures, chosen_crops, overlay
 from validate.report.steps import Step
 from validate.report.traces import Choice, Columns, Figure, only_changes
@@ -86,14 +86,8 @@ def html_of(sections: Sequence[Section], pictures: Pictures, about: Mapping[str,
         css=source,
         script=script,
         plotly=plotly.offline.get_plotlyjs(),
-        data=_json({"sweeps": [_data(section) for section in sections], "views": _views(sections, pictures)}),
+        data=json_in_page({"sweeps": [_data(section) for section in sections], "views": _views(sections, pictures)}),
     )
-
-
-def _json(value: Any) -> str:
-    """JSON that may stand in a script element."""
-    text = json.dumps(value, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
-    return text.replace("<", "\\u003c")
 
 
 def _words(section: Section, crops: Sequence[tuple[Crop, str]]) -> dict[str, Any]:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import math
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
 from rich.console import Console
 from rich.table import Table
 
-from validate.side_by_side.rows import QUANTITIES, Quantity, matched_rows
+from validate.side_by_side.cells import cells
+from validate.side_by_side.rows import QUANTITIES, Quantity, matched
 from validate.side_by_side.runs import Side, settings_rows, sides_of
 from validate.store import StoreError
 from validate.table_text import table_text
@@ -31,9 +32,13 @@ ALWAYS_SHOWN = ("value", "noise_model")
 def run(
     runs: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="RUN…")],
     /,
-    rows: Literal["settings", "measured", "predicted", "correlation", "leaderboard", "agreement", "slopes"]
+    rows: Literal[
+        "settings", "measured", "predicted", "correlation", "leaderboard", "agreement", "strategies", "slopes"
+    ]
     | None = None,
     table: Literal["csv", "md", "tex"] | None = None,
+    out: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
+    report: bool = True,
 ) -> int:
     """Set the tables of two or more runs side by side, with differences from the first and 95 % intervals.
 
@@ -44,10 +49,16 @@ def run(
         runs: folders that runs left; the first is what the others are compared with.
         rows: what is compared (default: what differs in the settings, what was measured, and the correlations).
         table: print one table in this form, with all its rows, and nothing else (default of --rows: measured).
+        out: the page (default: results/compare/compare.html, which --rows and --table leave as it is).
+        report: write the page, which shows the comparison in a browser.
     """
+    if out is not None and out.suffix != ".html":
+        raise StoreError(f"{out} is no page; allowed: a file that ends in .html")
     sides = sides_of(runs)
     if table is not None:
         print(table_text([*compared(sides, rows or "measured")], table), end="")
+        if out is not None and report:
+            _page(sides, out)
         return 0
     # In a file or a pipe the tables keep their columns.
     console = Console(width=None if os.isatty(1) else COLUMNS_FOR_KEYS + COLUMNS_A_RUN * len(sides))
@@ -59,7 +70,16 @@ def run(
     for name in shown:
         for quantity in QUANTITIES.get(name, ()):
             _show(sides, name, quantity, console, short=rows is None)
+    if report and (out is not None or rows is None):
+        console.print(str(_page(sides, out)), markup=False, highlight=False, soft_wrap=True)
     return 0
+
+
+def _page(sides: Sequence[Side], out: Path | None) -> Path:
+    """The page, written; what draws it takes longer to import than a table to print."""
+    from validate.side_by_side.page import PAGE, write_page
+
+    return write_page(out or PAGE, sides)
 
 
 def compared(sides: Sequence[Side], name: str) -> list[Row]:
@@ -70,7 +90,7 @@ def compared(sides: Sequence[Side], name: str) -> list[Row]:
     """
     if name == "settings":
         return settings_rows(sides)
-    found = [row for quantity in QUANTITIES[name] for row in _matched(sides, quantity)]
+    found = [row for quantity in QUANTITIES[name] for row in matched(sides, quantity)]
     if not found:
         tables = ", ".join(sorted({f"{quantity.table}.csv" for quantity in QUANTITIES[name]}))
         raise StoreError(
@@ -79,15 +99,6 @@ def compared(sides: Sequence[Side], name: str) -> list[Row]:
         )
     head = dict.fromkeys(key for row in found for key in row)
     return [{key: row.get(key) for key in head} for row in found]
-
-
-def _matched(sides: Sequence[Side], quantity: Quantity) -> list[Row]:
-    tables = {side.label: side.table(quantity.table) for side in sides}
-    present = {label: rows for label, rows in tables.items() if rows is not None}
-    if len(present) < len(sides):
-        return []
-    chosen = [column for side in sides for column in side.chosen]
-    return matched_rows(present, quantity, chosen)
 
 
 def _show_settings(sides: Sequence[Side], console: Console) -> None:
@@ -107,7 +118,7 @@ def _show_settings(sides: Sequence[Side], console: Console) -> None:
 
 
 def _show(sides: Sequence[Side], name: str, quantity: Quantity, console: Console, short: bool) -> None:
-    rows = _matched(sides, quantity)
+    rows = matched(sides, quantity)
     if short and quantity.only:
         chosen = {column for side in sides for column in side.chosen}
         only = {key: allowed for key, allowed in quantity.only.items() if key not in chosen}
@@ -133,24 +144,8 @@ def _show(sides: Sequence[Side], name: str, quantity: Quantity, console: Console
         if previous is not None and row.get("sweep") != previous:
             table.add_section()
         previous = row.get("sweep")
-        table.add_row(*(str(row[key]) for key in keys), *_cells(row, labels, what))
+        table.add_row(*(str(row[key]) for key in keys), *cells(row, labels, what))
     console.print(table)
-
-
-def _cells(row: Row, labels: Sequence[str], what: str) -> Iterator[str]:
-    for number, label in enumerate(labels):
-        yield _cell(row, label)
-        if number:
-            yield _cell(row, f"{label}_{what}") + (" *" if row.get(f"{label}_apart") == "yes" else "")
-
-
-def _cell(row: Row, name: str) -> str:
-    value, low, high = (row.get(key, math.nan) for key in (name, f"{name}_ci_low", f"{name}_ci_high"))
-    assert isinstance(value, float)
-    if math.isnan(value):
-        return ""
-    interval = "" if not isinstance(low, float) or math.isnan(low) else f" [{low:.3g}, {high:.3g}]"
-    return f"{value:.3g}{interval}"
 
 
 def main(arguments: list[str]) -> int:

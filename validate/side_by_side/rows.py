@@ -13,7 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["QUANTITIES", "Quantity", "matched_rows", "separate"]
+from validate.side_by_side.runs import Side
+
+__all__ = ["QUANTITIES", "Quantity", "matched", "matched_rows", "separate"]
 
 Row = Mapping[str, str]
 
@@ -75,6 +77,12 @@ QUANTITIES: dict[str, tuple[Quantity, ...]] = {
             {"avatar": ("both",), "zoom_limit": ("none",)},
         ),
     ),
+    "strategies": (
+        Quantity(
+            "strategies", "value", "ci_low", "ci_high", ("avatar", "zoom_limit", "figure", "noise_model", "strategy"),
+            True, {"avatar": ("both",), "zoom_limit": ("none",)},
+        ),
+    ),
     "slopes": (
         Quantity(
             "slopes", "measured_slope", "measured_slope_ci_low", "measured_slope_ci_high", ("sweep", "parameter"), False
@@ -83,6 +91,15 @@ QUANTITIES: dict[str, tuple[Quantity, ...]] = {
     ),
 }  # fmt: skip
 """What is compared, by the name that the command line has for it; more than one run's kind is among them."""
+
+
+def matched(sides: Sequence[Side], quantity: Quantity) -> list[dict[str, object]]:
+    """`matched_rows` of the tables that the sides' runs left; none, if one of them left no such table."""
+    tables = {side.label: side.table(quantity.table) for side in sides}
+    present = {label: rows for label, rows in tables.items() if rows is not None}
+    if len(present) < len(sides):
+        return []
+    return matched_rows(present, quantity, [column for side in sides for column in side.chosen])
 
 
 def matched_rows(

@@ -18,7 +18,16 @@ Row = dict[str, str]
 
 RUN_FILE = "run.json"
 # What may differ between two runs of one thing, or says no more than the rest.
-NOT_SETTINGS = ("options", "seconds", "rendered", "measured", "failed", "figures_drawn_from", "seeds")
+NOT_SETTINGS = (
+    "options",
+    "seconds",
+    "rendered",
+    "measured",
+    "failed",
+    "figures_drawn_from",
+    "report_made_from",
+    "seeds",
+)
 # By these a run of several sweeps says what it ran, each under the sweep's name.
 BY_SWEEP = {"scenes": "scene", "sweeps": "sweep"}
 
@@ -125,16 +134,25 @@ def _labels(parsed: Sequence[tuple[Path, dict[str, str]]]) -> list[str]:
 def settings_rows(sides: Sequence[Side]) -> list[dict[str, object]]:
     """A row for each key of the runs' files that is not the same in all, a column for each side; "" where it lacks.
 
-    What the scenes or sweeps of a run have in common is said once.
+    What the scenes or sweeps of a run have in common is said once. Sweeps that not all runs had are named, and not
+    looked into.
     """
     said = [side.settings() for side in sides]
     known = [each if each is not None else {} for each in said]
+    sweeps = [dict.fromkeys(key.split(".")[1] for key in each if key.startswith("sweeps.")) for each in known]
+    common = set.intersection(*(set(each) for each in sweeps)) if sweeps else set()
+    if common:
+        known = [
+            {"sweeps": ", ".join(own)}
+            | {k: value for k, value in each.items() if k.split(".")[0] not in BY_SWEEP or k.split(".")[1] in common}
+            for each, own in zip(known, sweeps, strict=True)
+        ]
     rows: dict[tuple[str, ...], None] = {}
     for key in dict.fromkeys(key for each in known for key in each):
         values = tuple(each.get(key, "") for each in known)
         if len(set(values)) > 1:
             first, _, rest = key.partition(".")
-            name = f"{BY_SWEEP[first]}.{rest.partition('.')[2]}" if first in BY_SWEEP else key
+            name = f"{BY_SWEEP[first]}.{rest.partition('.')[2]}" if first in BY_SWEEP and rest else key
             rows[name, *values] = None
     return [{"key": name, **dict(zip((s.label for s in sides), values, strict=True))} for name, *values in rows]
 

@@ -1,0 +1,33 @@
+"""Numbers of matched rows as a reader sees them: a value, its interval, and a star where a difference is one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+
+__all__ = ["cell", "cells", "value_text"]
+
+Row = Mapping[str, object]
+
+
+def cells(row: Row, labels: Sequence[str], what: str) -> Iterator[str]:
+    """The cells of the sides in order: of each but the first also its ratio or difference (`what`) to the first."""
+    for number, label in enumerate(labels):
+        yield cell(row, label)
+        if number:
+            yield cell(row, f"{label}_{what}") + (" *" if row.get(f"{label}_apart") == "yes" else "")
+
+
+def cell(row: Row, name: str) -> str:
+    """A column with its interval, "0.71 [0.6, 0.83]"; "" for nan."""
+    value, low, high = (row.get(key, math.nan) for key in (name, f"{name}_ci_low", f"{name}_ci_high"))
+    assert isinstance(value, float)
+    return value_text((value, low, high) if isinstance(low, float) and isinstance(high, float) else (value,))
+
+
+def value_text(values: Sequence[float]) -> str:
+    """A value, or a value with the limits of its interval, to three digits; "" for nan."""
+    if math.isnan(values[0]):
+        return ""
+    interval = "" if len(values) < 3 or math.isnan(values[1]) else f" [{values[1]:.3g}, {values[2]:.3g}]"
+    return f"{values[0]:.3g}{interval}"
