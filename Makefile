@@ -41,6 +41,8 @@ first-screen: $(VENV)/installed
 	PYTHONPATH=. $(BIN)/python docs/draw_first_screen.py
 
 screenshots: $(VENV)/installed
+	$(BIN)/python validate/run_sweep.py selection --set sensor.exposure_ms=1 --out results/short-exposure --quiet
+	$(BIN)/python validate/run_sweep.py compare results/zoom-focus-selection results/short-exposure
 	PYTHONPATH=. $(BIN)/python docs/take_screenshots.py
 
 notebook: $(VENV)/installed

@@ -1,6 +1,7 @@
-"""Take the pictures of docs/report.md from the report of `make sweep`: `make screenshots`, with a chromium installed.
+"""Take the pictures of docs/report.md: `make screenshots`, after `make sweep`, with a chromium installed.
 
-Driven as a reader would: the step by the slider's keys, the rest by its controls.
+Pages are driven as a reader would: the step by the slider's keys, the rest by their controls. `make screenshots` also
+makes the run that the sweeps are compared with.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from validate.store import atomic_path
 
 FIGURES = Path(__file__).resolve().parent / "figures"
 REPORT = Path("results/zoom-focus-selection/report.html")
+COMPARISON = Path("results/compare/compare.html")
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 FLAGS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader", "--hide-scrollbars")
 # Of the window; a page's text is 1,200 wide.
@@ -43,7 +45,7 @@ def opened(report: Path) -> webdriver.Chrome:
     if browser is None or driver is None:
         sys.exit(f"no {' or '.join(BROWSERS)} with chromedriver is installed")
     if not report.is_file():
-        sys.exit(f"{report} is missing; `make sweep` leaves it")
+        sys.exit(f"{report} is missing; `make sweep` and `make screenshots` leave it")
     options = webdriver.ChromeOptions()
     options.binary_location = browser
     for flag in (*FLAGS, f"--window-size={WIDTH_PX},{HEIGHT_PX}"):
@@ -84,15 +86,26 @@ def take(browser: webdriver.Chrome, selectors: str, name: str) -> None:
         picture.quantize(COLOURS, dither=Image.Dither.NONE).save(temporary, format="png", optimize=True)
 
 
-def main(report: Path) -> None:
-    """Every picture, in the page's order."""
-    browser = opened(report)
+def of_comparison() -> None:
+    """The verdict of two runs, and whether the metric foresaw what changed."""
+    browser = opened(COMPARISON)
+    try:
+        take(browser, "#verdict .cards", "compare-verdict")
+        take(browser, "[data-figure=curves], [data-figure=moved]", "compare-moved")
+    finally:
+        browser.quit()
+
+
+def of_report() -> None:
+    """Every picture of the report, in the page's order."""
+    browser = opened(REPORT)
     try:
         take(browser, "#verdict", "report-verdict")
         slider = browser.find_element(By.CSS_SELECTOR, f"{SHOWN} [data-step]")
         slider.send_keys(Keys.HOME, *[Keys.ARROW_RIGHT] * 4)
         figure = f"{SHOWN} [data-figure={{}}]"
-        take(browser, ", ".join([f"{SHOWN} .bar", figure.format("curves"), figure.format("points")]), "report-curves")
+        curves = [f"{SHOWN} .bar", figure.format("curves"), figure.format("points")]
+        take(browser, ", ".join(curves), "report-curves")
         take(browser, f"{figure.format('leaderboard')}, {figure.format('nees')}", "report-judged")
         take(browser, f"{figure.format('budget')}, {figure.format('visibility')}", "report-budget")
         scene = browser.find_element(By.CSS_SELECTOR, figure.format("scene"))
@@ -107,4 +120,5 @@ def main(report: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else REPORT)
+    of_report()
+    of_comparison()

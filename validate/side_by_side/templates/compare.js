@@ -40,6 +40,13 @@
       });
       this.root.owner = this;
       watcher.observe(this.root);
+      // A window that becomes narrow, or a phone that is turned.
+      new ResizeObserver(() => { if (this.drawnFor && this.drawnFor !== this.room()) this.stale(); }).observe(this.div);
+    }
+    /** What the form of a figure depends on: "wide", or how narrow. */
+    room() {
+      const width = this.div.clientWidth;
+      return printing ? "paper" : width < NARROW_PX ? `narrow ${Math.round(width / 20)}` : "wide";
     }
     stale() {
       this.dirty = true;
@@ -52,6 +59,7 @@
       const traces = this.figure.traces.map((trace) => filled(trace, this.figure.columns, chosen));
       const layout = filled(this.figure.layout, this.figure.columns, chosen);
       const narrow = this.div.clientWidth < NARROW_PX;
+      this.drawnFor = this.room();
       layout.height = layout.height || this.figure.height;
       layout.autosize = !printing;
       if (printing) layout.width = Math.min(PRINTED_PX, this.div.clientWidth);
@@ -112,11 +120,5 @@
     redraw(true);
   });
   window.addEventListener("afterprint", () => redraw(false));
-  // A window that becomes narrow, or a phone that is turned.
-  let width = window.innerWidth;
-  window.addEventListener("resize", () => {
-    if ((width < NARROW_PX) !== (window.innerWidth < NARROW_PX)) sections.forEach((s) => s.plots.forEach((plot) => plot.stale()));
-    width = window.innerWidth;
-  });
   document.documentElement.dataset.ready = String(Math.round(performance.now()));
 })();
