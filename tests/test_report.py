@@ -26,7 +26,7 @@ from validate.report.data import KINDS, read_sweeps
 from validate.report.frusta import frustum
 from validate.report.images import BUDGET_BYTES, chosen_crops, pictures_of
 from validate.report.page import KIND_CHOICE, section_of
-from validate.report.scene3d import scene_columns
+from validate.report.space import scene_columns
 from validate.report.steps import sight_of, steps_of_plan
 from validate.report.traces import combinations, filled, only_changes, plain
 from validate.report.verdict import in_words, verdicts
