@@ -14,8 +14,8 @@ from validate.report.bodies import object_meshes
 from validate.report.data import KINDS
 from validate.report.frusta import frustum, room_corners
 from validate.report.page import Section
-from validate.report.space import PLATE_MODULES
 from validate.report.shades import plate_colours
+from validate.report.space import PLATE_MODULES
 from validate.store import atomic_path
 
 __all__ = ["model_of", "write_models"]

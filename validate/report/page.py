@@ -157,7 +157,7 @@ def _words_of_sweep(section: Section) -> dict[str, Any]:
         "verdict": verdict.in_words(table),
         "remarks": verdict.remarks(table),
         "verdicts": verdict.verdicts(table),
-        "claims": verdict.claims(table),
+        "claims": verdict.claims(table.claims),
         "steps": _step_rows(table),
     }
 
