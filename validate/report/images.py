@@ -156,14 +156,12 @@ def pictures_of(
     steps: Sequence[Step],
     crops: Sequence[Crop],
     store: Store,
-    layers_of: Mapping[str, Sequence[str]] | None = None,
     budget_bytes: float | None = None,
     widest_px: int = WIDTHS_PX[0],
 ) -> Pictures:
     """The pictures of all views of all steps, as wide as the budget allows.
 
     Args:
-        layers_of: by view, those of `LAYERS` that are wanted; None for all of all.
         budget_bytes: None for `BUDGET_BYTES`.
         widest_px: one of `WIDTHS_PX`; larger ones are not tried.
 
@@ -174,10 +172,9 @@ def pictures_of(
     farthest = max((_diagonal_m(step) for step in steps), default=1.0)
 
     def seen(key: str) -> tuple[dict[str, Pixels], list[Pixels]]:
-        wanted, cut = LAYERS if layers_of is None else layers_of[key], [c for c in crops if c.view_key == key]
-        channels = dict.fromkeys([CHANNELS[name] for name in wanted] + [CHANNELS["noisy"]] * bool(cut))
-        view = stored_planes(store, key, list(channels))
-        return _layers(view, wanted, farthest, widest_px), [_cut(view, crop) for crop in cut]
+        view = stored_planes(store, key, list(dict.fromkeys(CHANNELS.values())))
+        own = [_cut(view, crop) for crop in crops if crop.view_key == key]
+        return {name: _layer(view, name, farthest, widest_px) for name in LAYERS}, own
 
     # Unpacking the images is most of the work, and leaves Python alone.
     with ThreadPoolExecutor(2) as pool:
@@ -199,12 +196,8 @@ def _diagonal_m(step: Step) -> float:
     return float(math.ceil(math.hypot(room.width_m, room.length_m, room.height_m)))
 
 
-def _layers(view: ViewPlanes, wanted: Iterable[str], farthest_m: float, width_px: int) -> dict[str, Pixels]:
-    """Layers at the largest width: light is reduced before it is turned into grey, depth is picked."""
-    return {name: _layer(view, name, farthest_m, width_px) for name in wanted}
-
-
 def _layer(view: ViewPlanes, name: str, farthest_m: float, width_px: int) -> Pixels:
+    """A layer at the largest width: light is reduced before it is turned into grey, depth is picked."""
     camera, plane = view.camera, view.planes[CHANNELS[name]]
     if name == "clean":
         return _grey(_reduced(expected_electrons(plane, camera, view.sensor).astype(np.float32), width_px))
@@ -242,13 +235,19 @@ def _encoded(
     layers: Mapping[str, Mapping[str, Pixels]], width_px: int, budget_bytes: float
 ) -> dict[str, dict[str, str]] | None:
     """All pictures at one width; None as soon as they are too many bytes."""
+
+    def encoded(key: str) -> dict[str, str]:
+        return {name: _uri(_reduced(picture, width_px), QUALITY) for name, picture in layers[key].items()}
+
     total, found = 0, {}
-    for number, (key, pictures) in enumerate(layers.items(), start=1):
-        found[key] = {name: _uri(_reduced(picture, width_px), QUALITY) for name, picture in pictures.items()}
-        total += sum(map(len, found[key].values()))
-        # After a few views it is plain where this leads.
-        if total > budget_bytes or (number >= 4 and total / number * len(layers) > 1.3 * budget_bytes):
-            return None
+    with ThreadPoolExecutor(2) as pool:
+        # What still waits is called off where this returns early.
+        for number, (key, uris) in enumerate(zip(layers, pool.map(encoded, layers), strict=True), start=1):
+            found[key] = uris
+            total += sum(map(len, uris.values()))
+            # After a few views it is plain where this leads.
+            if total > budget_bytes or (number >= 4 and total / number * len(layers) > 1.3 * budget_bytes):
+                return None
     return found
 
 

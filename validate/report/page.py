@@ -173,7 +173,6 @@ def words_of(section: Section, crops: Sequence[tuple[Crop, str]]) -> dict[str, A
         "shared": (*section.courses.choices, section.model_choice, KIND_CHOICE),
         "models": table.models,
         "all_cameras": section.all_cameras,
-        "left_out": "",
         "crops": [
             (words, [(crop, uri) for crop, uri in crops if crop.kind == kind])
             for kind, words in (

@@ -24,11 +24,16 @@ class Group:
 
 GROUPS = {"varied": Group("#D55E00", "square", "varied cameras"), "fixed": Group("#0072B2", "circle", "other cameras")}
 """Of a sweep's cameras, by their name in `Step.groups`."""
+EYE = (0.54, 1.12, 0.66)
 IDLE = Group("#8a8a8a", "cross", "cameras that are off")
 
 
 def scene_figure(
-    table: SweepTable, groups: Mapping[str, Group] = GROUPS, bodies: Mapping[str, str] | None = None, plates: str = ""
+    table: SweepTable,
+    groups: Mapping[str, Group] = GROUPS,
+    bodies: Mapping[str, str] | None = None,
+    plates: str = "",
+    eye: tuple[float, float, float] = EYE,
 ) -> Figure:
     """Plotly's traces of the scene; all that moves is in `space.scene_columns`.
 
@@ -36,6 +41,7 @@ def scene_figure(
         groups: of the cameras.
         bodies: colours of objects that are drawn each for itself and named, by name.
         plates: a sentence on how large plates are drawn, for the caption.
+        eye: where it is seen from at first, in plotly's unit.
     """
     flat = {"ambient": 1.0, "diffuse": 0.0, "specular": 0.0}
     traces: list[dict[str, Any]] = [
@@ -124,7 +130,7 @@ def scene_figure(
                 "xaxis": hidden,
                 "yaxis": hidden,
                 "zaxis": hidden,
-                "camera": {"eye": {"x": 0.54, "y": 1.12, "z": 0.66}, "center": {"x": 0, "y": 0, "z": -0.14}},
+                "camera": {"eye": dict(zip("xyz", eye, strict=True)), "center": {"x": 0, "y": 0, "z": -0.14}},
             },
         },
         (

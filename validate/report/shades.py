@@ -1,4 +1,4 @@
-"""What markers in space are coloured by: scales that hold over a whole run. The page itself finds each marker's shade."""
+"""What markers in space are coloured by: scales that hold over a run. The page finds each marker's shade."""
 
 from __future__ import annotations
 

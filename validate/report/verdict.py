@@ -188,7 +188,7 @@ def remarks(table: SweepTable) -> list[str]:
 
 
 def claims(rows: Sequence[Row]) -> list[dict[str, str]]:
-    """Rows of claims.csv in words: `claim`, `side`, `kind` and `at` (where there are such), `holds`, `figure`, `value`."""
+    """Rows of claims.csv in words: `claim`, `side`, `kind` and `at` (if there are such), `holds`, `figure`, `value`."""
     found = []
     for row in rows:
         value = f"{float(row['value']):.3g}" if row["value"] else "undefined"

@@ -26,17 +26,16 @@ from validate.hallway.stage import BOTH, stage_of
 from validate.hallway.study import MODELS, Design, design_of, predicted_at
 from validate.measure import ViewMeasurement, load_measurement
 from validate.report.files import REPORT
-from validate.report.images import LAYERS, pictures_of
+from validate.report.images import pictures_of
 from validate.report.model_file import write_models
 from validate.store import Store, StoreError, write_text
 
 __all__ = ["ScheduleForReport", "of_schedule", "remade_schedule", "write_schedule_report"]
 
 # Of all pictures of the page, as text in it: plotly and the numbers take the rest of 15 MB.
-BUDGET_BYTES = 6_500_000
+BUDGET_BYTES = 4_800_000
+# px; two views lie beside each other on the page.
 WIDEST_PX = 480
-# What every view has, and what only those of the first run have: colours of depth and blur say little of people.
-OF_ALL = ("clean", "noisy")
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,14 +77,8 @@ def write_schedule_report(folder: Path, made: ScheduleForReport, store: Store) -
         raise StoreError(f"{folder}/configurations.csv has other runs than the schedule; run the schedule again")
     steps = steps_of_design(design, found.places, made.predictions, made.measured)
     section = schedule_section(table, found, design.schedule.said.title, design.stage.names, steps)
-    first = {sight.view_key for number in found.courses[runs[0]] for sight in steps[number].sights}
     every = {sight.view_key for step in steps for sight in step.sights}
-    layers = {key: tuple(LAYERS) if key in first else OF_ALL for key in every}
-    pictures = pictures_of(steps, section.crops, store, layers, BUDGET_BYTES, WIDEST_PX)
-    left_out = (
-        f"To keep the page small, depth and blur are there for the views of {runs[0][0]} alone; all views have a clean "
-        "image, a noisy capture and the error. "
-    )
+    pictures = pictures_of(steps, section.crops, store, BUDGET_BYTES, WIDEST_PX)
     about = {
         "schedule": table.every.name,
         "scene": design.stage.scene.path.name,
@@ -95,7 +88,7 @@ def write_schedule_report(folder: Path, made: ScheduleForReport, store: Store) -
         "renderer": made.renderer,
     }
     path = folder / REPORT
-    write_text(path, html_of_schedule(section, table, pictures, about, left_out))
+    write_text(path, html_of_schedule(section, table, pictures, about))
     write_models(folder, [section])
     return path
 

@@ -27,6 +27,8 @@ TINTS = ("#f3d3bd", "#bcd7ec")
 MOST_FACES = 700
 # A marker of a suit is some centimetres wide, in a hallway of ten metres.
 PLATE_SCALE = 1.6
+# From the side, in plotly's unit: the walk goes across the page.
+EYE = (1.4, -0.34, 0.68)
 
 
 def schedule_section(
@@ -52,7 +54,7 @@ def schedule_section(
         ranking.agreement_figure(table),
         points.points_figure(states),
         budget.budget_figure(states),
-        scene3d.scene_figure(states, looks, bodies, plates),
+        scene3d.scene_figure(states, looks, bodies, plates, EYE),
     ]
     columns = page.joined_columns(
         points.point_columns(states, steps),
@@ -75,15 +77,12 @@ def schedule_section(
     return Section(named, title, steps, figures, columns, crops, courses, looks, all_cameras=True)
 
 
-def html_of_schedule(
-    section: Section, table: ScheduleTable, pictures: Pictures, about: Mapping[str, str], left_out: str
-) -> str:
+def html_of_schedule(section: Section, table: ScheduleTable, pictures: Pictures, about: Mapping[str, str]) -> str:
     """The whole page.
 
     Args:
         pictures: of the section.
         about: what the run was made with, for the foot: words by name.
-        left_out: a sentence on the pictures that are not there.
     """
     name = table.every.name
     words = {
@@ -92,7 +91,6 @@ def html_of_schedule(
         "claims": claims(table.claims),
         "steps": _step_rows(table),
         "steering": table.steering,
-        "left_out": left_out,
     }
     return page.page_of(
         "hallway.html.j2",
@@ -102,6 +100,8 @@ def html_of_schedule(
         pictures,
         about,
         cards=verdict.cards(table),
+        brief=verdict.claims_in_brief(table),
+        leading=table.every.leading_model,
         verdicts=verdict.verdict_rows(table),
         rankings=verdict.ranking_rows(table),
         limit_words="without a zoom limit" if table.first_limit == "none" else f"with the limit {table.first_limit}",

@@ -11,12 +11,17 @@ from validate.findings.tables import Row, all_of
 from validate.hallway.agreement import ALL_RUNS
 from validate.hallway.report.tables import KIND_NAMES, ScheduleTable, number
 from validate.report.data import KINDS
-from validate.report.verdict import rho_words, standing_of
+from validate.report.verdict import claims, rho_words, standing_of
 
-__all__ = ["cards", "ranking_rows", "remarks", "verdict_rows"]
+__all__ = ["cards", "claims_in_brief", "ranking_rows", "remarks", "verdict_rows"]
 
 # R of these mixes m² with px²: their PSS has an order, but no size.
 WITHOUT_SIZE = ("as-printed", "corrected")
+STEADY = "People are held still at each step: prediction and measurement are those of a local steady state."
+INTERVALS = (
+    "Intervals of the verdict come from resampled blocks of steps, those of PSS and ranks from resampled trials and "
+    "markers. They say nothing of other hallways, walks or cameras."
+)
 
 
 def verdict_rows(table: ScheduleTable) -> list[dict[str, Any]]:
@@ -75,18 +80,32 @@ def cards(table: ScheduleTable) -> list[dict[str, str]]:
     if said:
         said += f" Only {count} strategies are ranked: read the intervals."
         found.append({"title": "Does it choose the right strategy?", "text": said})
-    if table.claims:
-        found.append({"title": "What the paper says of this scene", "text": _claim_words(table, model)})
+    return found
+
+
+def claims_in_brief(table: ScheduleTable) -> list[dict[str, Any]]:
+    """The paper's claims, each with what the leading noise model and the measurement say of it, by kind.
+
+    Of a claim that is asked under several zoom limits, the first that can be asked.
+    """
+    found = []
+    for claim in dict.fromkeys(row["claim"] for row in table.claims):
+        cells = []
+        for side, model in (("predicted", table.every.leading_model), ("measured", "")):
+            for kind in KINDS:
+                rows = all_of(table.claims, claim=claim, side=side, noise_model=model, kind=KIND_NAMES[kind.name])
+                cells.append(next((said for row, said in zip(rows, claims(rows), strict=True) if row["value"]), None))
+        if any(cells):
+            figure = next(cell["figure"] for cell in cells if cell)
+            found.append({"claim": claim, "figure": figure.partition(" (median")[0], "cells": cells})
     return found
 
 
 def remarks(table: ScheduleTable) -> list[str]:
     """What a reader must know before believing the verdict; no sentence that the tables do not bear out."""
     found = [
-        "People are held still at each step: prediction and measurement are those of a local steady state. The walk "
-        "that is rendered frame by frame is in walk.csv and the film, not here.",
-        "Intervals of the verdict come from resampled blocks of steps, those of PSS and ranks from resampled trials "
-        "and markers. They say nothing of other hallways, walks or cameras.",
+        f"{STEADY} The walk that is rendered frame by frame is in walk.csv and the film, not here.",
+        INTERVALS,
     ]
     never = [row for row in table.claims if row["holds"] == "not asked"]
     found += list(dict.fromkeys(f"Zoom limit {row['figure']}. Its steps are those without a limit." for row in never))
@@ -99,9 +118,7 @@ def remarks(table: ScheduleTable) -> list[str]:
         "found counts 0 in measured PSS."
     )
     lost = sum(int(row["lost_tracks"]) for row in table.steering)
-    found.append(
-        f"The steering lost an avatar {lost} times; cameras aim where a tracker expects the avatars, not where they are."
-    )
+    found.append(f"The steering lost an avatar {lost} times. Cameras aim where a tracker expects the avatars.")
     return found
 
 
@@ -161,18 +178,3 @@ def _choice_words(kind: str, row: Row) -> str:
             f"{opening}; the best measured is {row['best']}, and the choice loses {_percent(row['regret'])} of its PSS"
         )
     return f"{said} (the same strategy in {_percent(row['chosen_is_best_share'])} of the resamples; ρ = {rho})."
-
-
-def _claim_words(table: ScheduleTable, model: str) -> str:
-    """How many of the claims hold, predicted and measured, and which do not."""
-    said = []
-    for side, rows in (
-        (f"predicted ({model})", all_of(table.claims, side="predicted", noise_model=model)),
-        ("measured", all_of(table.claims, side="measured")),
-    ):
-        asked = [row for row in rows if row["holds"] != "not asked"]
-        failed = [row for row in asked if row["holds"] != "yes"]
-        held = f"{side}, {len(asked) - len(failed)} of {len(asked)} rows hold"
-        names = dict.fromkeys(f"{row['claim']} ({row['kind']})" for row in failed)
-        said.append(held + (f"; not: {'; '.join(names)}" if failed else ""))
-    return "Of the claims below, " + ". Of those ".join(said) + "."

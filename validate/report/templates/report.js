@@ -322,7 +322,6 @@
       let words = `${found} markers found, ${should} should be seen.`;
       const times = layer === "error" ? this.enlarged(view) : 0;
       if (times) words += ` Errors are drawn ${times} times as large.`;
-      if (!uri) words += " This picture is left out to keep the page small.";
       frame.querySelector("[data-of]").textContent = `camera ${name}${note ? ", " + note : ""}: ${words}`;
       const said = `Camera ${name} at ${this.sweep.label}: ${words}`;
       img.alt = `${said} Picture: ${layer}.`;
