@@ -20,9 +20,9 @@ from validate.report.verdict import claims
 
 __all__ = ["html_of_schedule", "schedule_section"]
 
-# Signs of the cameras that follow the first and the second avatar, and the light tints of their bodies.
-FOLLOWING = (("#D55E00", "square"), ("#0072B2", "circle"))
-TINTS = ("#f3d3bd", "#bcd7ec")
+# Signs of the cameras that follow the first and the second avatar, as of their markers, and tints of their bodies.
+FOLLOWING = (("#0072B2", "circle"), ("#D55E00", "square"))
+TINTS = ("#bcd7ec", "#f3d3bd")
 # Of a body in each of the steps: hundreds of them are sent with the page.
 MOST_FACES = 700
 # A marker of a suit is some centimetres wide, in a hallway of ten metres.
