@@ -68,14 +68,14 @@
     // Playing never begins by itself; it goes round until it is stopped, or until the reader takes the slider.
     play() {
       this.playing = true;
-      this.says("Pause", "⏸", "off");
+      this.says("Pause", "off");
       this.next();
     }
     pause() {
       if (!this.playing) return;
       this.playing = false;
       clearTimeout(this.timer);
-      this.says("Play", "▶", "polite");
+      this.says("Play", "polite");
     }
     next() {
       if (!this.playing) return;
@@ -86,10 +86,10 @@
         this.timer = setTimeout(() => this.next(), Math.max(0, due - performance.now()));
       }));
     }
-    says(words, sign, live) {
+    says(words, live) {
       this.button.querySelector("[data-words]").textContent = words;
       this.button.setAttribute("aria-label", `${words} the steps of ${this.data.name}`);
-      this.button.querySelector("[data-sign]").textContent = sign;
+      this.button.classList.toggle("playing", this.playing);
       this.section.querySelectorAll("[data-label], [data-said], [data-view-said]").forEach((part) => part.setAttribute("aria-live", live));
     }
     changed() {
