@@ -21,7 +21,7 @@ from validate.hallway.report.files import of_schedule, write_schedule_report
 from validate.hallway.results import result_of
 from validate.hallway.rows import held_configuration_rows, held_point_rows, run_rows
 from validate.hallway.runs import Run
-from validate.hallway.stage import stage_of
+from validate.hallway.stage import BOTH, stage_of
 from validate.hallway.steering import Steered
 from validate.hallway.study import assess_held, design_of
 from validate.store import Store
@@ -57,7 +57,8 @@ def made_up_schedule(folder: Path) -> SimpleNamespace:
         save_view(store, made_up_view(item), item.request)
     calibration = Calibration("calibrated", {"brightness-contrast": 1.0}, {})
     held = assess_held(design, acquired, calibration)
-    results = [result_of(held, avatar) for avatar in stage.groups]
+    # One avatar beside both, since tables have rows of each.
+    results = [result_of(held, avatar) for avatar in (stage.names[0], BOTH)]
     both = results[-1]
     for name, rows in {
         "configurations": [row for result in results for row in held_configuration_rows(result)],
