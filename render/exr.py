@@ -19,18 +19,20 @@ import contextlib
 import dataclasses
 import importlib.metadata
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
+from numpy.typing import NDArray
 
 from pss import ImageSensor, PSSError, PTZCamera, RangeError
 from render.images import one_line, open_image
 from render.view import RENDER_VERSION, Certificate, RenderedView, ViewRequest
 
-__all__ = ["ImageFileError", "read_certificate", "read_view", "write_view"]
+__all__ = ["ImageFileError", "ViewPlanes", "read_certificate", "read_planes", "read_view", "write_view"]
 
 # OpenEXR's channels, in the order in which they are written.
 CHANNELS = ("Y", "capture.Y", "depth.Z", "normal.X", "normal.Y", "normal.Z", "marker.id")
@@ -49,6 +51,16 @@ COMPRESSION = "zip:1"
 
 class ImageFileError(PSSError, OSError):
     """An image file cannot be written, read, or is not one of ours."""
+
+
+@dataclass(frozen=True, eq=False)
+class ViewPlanes:
+    """Some channels of a view, (height, width) each, by the names that they have in the file."""
+
+    key: str
+    camera: PTZCamera
+    sensor: ImageSensor
+    planes: Mapping[str, NDArray[np.float32]]
 
 
 def write_view(path: Path, view: RenderedView, request: ViewRequest) -> None:
@@ -121,6 +133,26 @@ def read_view(path: Path) -> RenderedView:
         )
 
 
+def read_planes(path: Path, names: Sequence[str]) -> ViewPlanes:
+    """Some of a view's channels, in a third of the time that all take.
+
+    Raises:
+        ImageFileError: as `read_view`.
+    """
+    with _opened(path) as image:
+        spec = image.spec()
+        camera = PTZCamera(**_attribute(path, spec, "camera"))
+        at = [list(spec.channelnames).index(name) for name in names]
+        first = min(at)
+        pixels = image.read_image(0, 0, first, max(at) + 1, "float")
+        if pixels is None:
+            raise ImageFileError(f"{path}: {one_line(image.geterror())}")
+        planes = {name: np.ascontiguousarray(pixels[..., n - first]) for name, n in zip(names, at, strict=True)}
+        _check_planes(path, planes, camera, (spec.width, spec.height))
+        sensor = ImageSensor(**_attribute(path, spec, "sensor"))
+        return ViewPlanes(spec.get_string_attribute("pss:key"), camera, sensor, planes)
+
+
 def read_certificate(path: Path) -> Certificate:
     """The certificate in a view's header, without reading its pixels.
 
@@ -139,9 +171,9 @@ def _check_planes(path: Path, planes: dict[str, Any], camera: PTZCamera, size: t
             "allowed are views that this project wrote"
         )
     for name, lowest, highest in (("marker.id", -1, 2**24), ("capture.Y", 0, 2**16 - 1)):
-        plane = planes[name]
+        plane = planes.get(name)
         # Written so that what is no number fails.
-        if not ((plane >= lowest) & (plane <= highest) & (plane == np.round(plane))).all():
+        if plane is not None and not ((plane >= lowest) & (plane <= highest) & (plane == np.round(plane))).all():
             raise ImageFileError(f"{path}: {name} holds what is no whole number from {lowest} to {highest}")
 
 

@@ -18,7 +18,7 @@ from validate.store import Store
 from validate.stored_views import save_view
 from validate.sweep import SweepResult, assess_sweep, plan
 
-__all__ = ["CERTIFICATE", "PIXEL_NOISE_PX", "RENDERER", "made_up_run"]
+__all__ = ["CERTIFICATE", "PIXEL_NOISE_PX", "RENDERER", "made_up_run", "made_up_view"]
 
 # px, σ of the made-up detections in each axis, and their bias along x.
 PIXEL_NOISE_PX, BIAS_PX = 0.08, 0.03
@@ -41,7 +41,7 @@ def made_up_run(folder: Path, scene: str, sweeps: dict[str, str]) -> tuple[list[
                 if item not in acquired.measured:
                     acquired.measured[item] = _detections(item)
                     acquired.certificates[item.request.key] = CERTIFICATE
-                    save_view(store, _view(item), item.request)
+                    save_view(store, made_up_view(item), item.request)
         results.append(assess_sweep(made, acquired))
     out = folder / "run"
     for name, rows in (
@@ -70,7 +70,7 @@ def _detections(item: Acquisition) -> ViewMeasurement:
     )
 
 
-def _view(item: Acquisition) -> RenderedView:
+def made_up_view(item: Acquisition) -> RenderedView:
     """A picture with a slope of light and of depth."""
     request = item.request
     width, height = request.camera.resolution

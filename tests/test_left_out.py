@@ -80,7 +80,9 @@ def test_a_schedule_leaves_out_the_runs_that_need_a_failed_view(tmp_path, monkey
     monkeypatch.setattr(command, "acquire", acquire)
     monkeypatch.setattr(command, "view_rows", lambda *_: [])  # asks for certificates, which no drawn view has
     monkeypatch.setattr(command, "_draw", lambda *_: None)
-    code = command.run(out=tmp_path / "out", store=str(tmp_path / "store"), set=FEW, real_walk=False, quiet=True)
+    code = command.run(
+        out=tmp_path / "out", store=str(tmp_path / "store"), set=FEW, real_walk=False, quiet=True, report=False
+    )
     printed = capsys.readouterr()
     said = json.loads((tmp_path / "out" / "run.json").read_text())
     assert code == (EXIT_DONE if which == "none" else EXIT_FAILED)

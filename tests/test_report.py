@@ -28,8 +28,8 @@ from validate.report.data import KINDS, read_sweeps
 from validate.report.frusta import frustum
 from validate.report.images import BUDGET_BYTES, chosen_crops, pictures_of
 from validate.report.page import KIND_CHOICE, section_of
-from validate.report.scene3d import scene_columns
-from validate.report.shades import VIRIDIS, shades
+from validate.report.shades import VIRIDIS
+from validate.report.space import scene_columns
 from validate.report.steps import sight_of, steps_of_plan
 from validate.report.style import PURPLE_ORANGE, model_style, object_styles
 from validate.report.traces import combinations, filled, only_changes, plain
@@ -273,19 +273,6 @@ def test_a_scale_of_errors_is_read_by_its_lightness_alone():
     # The scale of ratios is dark at both ends: there, signs tell the sides apart (below).
     ends, middle = [lightness(PURPLE_ORANGE[n][1]) for n in (0, -1)], lightness(PURPLE_ORANGE[2][1])
     assert max(ends) < middle
-
-
-def test_the_side_of_a_ratio_is_told_by_a_sign(made):
-    table = made.tables[0]
-    columns = shades(table, 0, "single", "corrected")
-    predicted, measured = (
-        table.predicted_mm("corrected", KINDS[0])[0],
-        table.measured_mm(KINDS[0])[0],
-    )
-    signs = columns["signs|ratio|single|corrected"]
-    for sign, sigma, error in zip(signs, predicted, measured, strict=True):
-        assert sign == ("x" if np.isnan(sigma) else "circle-open" if error < sigma else "circle")
-    assert "circle-open" not in columns["signs|measured|single|corrected"]
 
 
 def test_curves_are_told_apart_by_dash_and_symbol():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import re
 import shutil
 import time
 
@@ -162,8 +163,8 @@ def test_what_is_seen_follows_slider_and_layers(browser, screenshots):
     slider = shown(browser, "#zooming [data-step]")
     slider.send_keys(Keys.HOME)
     plot = drawn(browser, "#zooming [data-figure=scene] .plot")
-    said = "return arguments[0].getAttribute('aria-label')"
-    until(browser, lambda d: "zoom=1.5" in d.execute_script(said, plot))
+    label = "return arguments[0].getAttribute('aria-label')"
+    until(browser, lambda d: "zoom=1.5" in d.execute_script(label, plot))
     time.sleep(SETTLED_S)
     first = pixels(browser, plot, screenshots, "scene-first-step")
     for layer in ("frusta", "planes", "objects"):
@@ -175,17 +176,20 @@ def test_what_is_seen_follows_slider_and_layers(browser, screenshots):
         browser.execute_script("arguments[0].click()", box)
         time.sleep(SETTLED_S)
         assert changed(first, pixels(browser, plot, screenshots, "scene-again")) < LEAST_CHANGE, layer
-    Select(browser.find_element(By.CSS_SELECTOR, "#zooming [data-figure=scene] [data-choice=colour]")).select_by_value(
-        "ratio"
-    )
+    colour = Select(browser.find_element(By.CSS_SELECTOR, "#zooming [data-figure=scene] [data-choice=colour]"))
+    colour.select_by_value("ratio")
     time.sleep(SETTLED_S)
     assert changed(first, pixels(browser, plot, screenshots, "scene-ratio")) > LEAST_CHANGE
-    Select(browser.find_element(By.CSS_SELECTOR, "#zooming [data-figure=scene] [data-choice=colour]")).select_by_value(
-        "predicted"
-    )
+    look = "const t = arguments[0].data.find((t) => t.meta && t.meta.pick); return [t.marker.symbol, t.text];"
+    for sign, text in zip(*browser.execute_script(look, plot), strict=True):
+        words = re.search(r"predicted (unknown|[\d.e+-]+) ?(?:mm)?, measured (unknown|[\d.e+-]+)", text).groups()
+        predicted, measured = (None if word == "unknown" else float(word) for word in words)
+        smaller = predicted is not None and measured is not None and measured < predicted
+        assert sign == ("x" if predicted is None else "circle-open" if smaller else "circle"), text
+    colour.select_by_value("predicted")
     slider.send_keys(Keys.END)
     drawn(browser, "#zooming [data-figure=scene] .plot")
-    until(browser, lambda d: "zoom=1.5" not in d.execute_script(said, plot))
+    until(browser, lambda d: "zoom=1.5" not in d.execute_script(label, plot))
     time.sleep(SETTLED_S)
     assert changed(first, pixels(browser, plot, screenshots, "scene-last-step")) > LEAST_CHANGE
 

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from render.exr import ImageFileError, read_view, write_view
+from render.exr import ImageFileError, ViewPlanes, read_planes, read_view, write_view
 from render.view import RENDER_VERSION, Certificate, RenderedView, ViewRequest
 from validate.store import Store, StoreError
 from validate.whole_files import disk_full, free_bytes
 
-__all__ = ["DamagedViewError", "adopt_view", "certificate_of", "load_view", "save_view", "stored_view"]
+__all__ = ["DamagedViewError", "adopt_view", "certificate_of", "load_view", "save_view", "stored_planes", "stored_view"]
 
 # Uncompressed bytes a pixel: four channels of four and three of two (`render.exr`).
 BYTES_A_PIXEL = 22
@@ -71,6 +72,25 @@ def stored_view(store: Store, key: str) -> RenderedView:
         DamagedViewError: it is not, or no more.
     """
     view = load_view(store, key)
+    if view is None:
+        raise DamagedViewError(f"view {key} is not in the store {store.folder}; it has to be rendered again")
+    return view
+
+
+def stored_planes(store: Store, key: str, names: Sequence[str]) -> ViewPlanes:
+    """Some channels of a view that must be there.
+
+    Raises:
+        DamagedViewError: it is not, or no more.
+    """
+
+    def read(path: Path) -> ViewPlanes:
+        planes = read_planes(path, names)
+        if planes.key != key:
+            raise ImageFileError(f"{path}: the header names view {planes.key}")
+        return planes
+
+    view = store.read(store.view(key), read)
     if view is None:
         raise DamagedViewError(f"view {key} is not in the store {store.folder}; it has to be rendered again")
     return view

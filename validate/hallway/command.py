@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -14,7 +13,6 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from pss import RangeError
 from pss.noise import Calibration
 from render import backend
 from scenes import load_scene
@@ -26,14 +24,15 @@ from validate.exit_codes import EXIT_DONE, EXIT_FAILED
 from validate.hallway.agreement import ALL_RUNS, agreement_rows
 from validate.hallway.claims import claim_rows
 from validate.hallway.own_cameras import own_cameras
+from validate.hallway.own_strategy import own_strategy
 from validate.hallway.ranking import ranking_rows, strategy_rows
 from validate.hallway.real_walk import real_walk_of, track_real_walk
 from validate.hallway.real_walk_files import write_real_walk
+from validate.hallway.report.files import of_schedule, write_schedule_report
 from validate.hallway.results import ScheduleResult, result_of
 from validate.hallway.rows import held_configuration_rows, held_point_rows, run_rows
 from validate.hallway.runs import Run, steered_runs, strategies_of
 from validate.hallway.stage import BOTH, stage_of
-from validate.hallway.strategies import Strategy
 from validate.hallway.study import FULL_MODEL, Design, assess_held, design_of
 from validate.hallway.training import calibrate_hallway, training_views
 from validate.hallway.wanted import Wanted
@@ -43,7 +42,7 @@ from validate.run import check_folders, linked_views
 from validate.run_messages import RunMessages
 from validate.scale.options import HERE, Scale
 from validate.store import Store, atomic_path, write_text
-from validate.tables import timing_rows, view_rows, write_csv
+from validate.tables import detection_rows, timing_rows, view_rows, write_csv
 from validate.versions import versions
 from validate.warnings_of_views import warn_of_render_noise, warn_of_saturation
 
@@ -67,6 +66,7 @@ def run(
     dry_run: bool = False,
     allow_outside: bool = False,
     quiet: bool = False,
+    report: bool = True,
     scale: Annotated[Scale, tyro.conf.arg(name="")] = HERE,
 ) -> int:
     """Predict and measure how strategies steer cameras at two people who pass each other.
@@ -87,6 +87,7 @@ def run(
         dry_run: say what would be done, how long it would take and how much it would fill, and stop.
         allow_outside: let files name others outside their folder (see "Files from others" in docs/scenes.md).
         quiet: print nothing but errors and the last line, which says where the results are.
+        report: write report.html, which shows the run in a browser and plays it, and its scene as glTF.
         scale: where views are made (docs/scale.md).
     """
     scale.check()
@@ -115,7 +116,9 @@ def run(
         for warning in stage.scene.warnings:
             messages.warn(warning)
         if not dry_run:
-            return _judge(wanted, folder, opened, chosen, messages, scale)
+            options = {"schedule": schedule, "scene": scene, "store": store, "overrides": overrides}
+            options |= {"strategy": strategy, "variant": variant, "allow_outside": allow_outside, "report": report}
+            return _judge(wanted, folder, opened, chosen, messages, scale, options)
         counts = [f"{file.name}: {len(runs)} runs of {len(wanted.design.scenes)} steps"]
         if wanted.real is not None:
             counts.append(f"the real walk: {len(wanted.real.scenes)} frames")
@@ -124,20 +127,34 @@ def run(
 
 
 def _judge(
-    wanted: Wanted, folder: Path, store: Store, chosen: backend.Backend, messages: RunMessages, scale: Scale
+    wanted: Wanted,
+    folder: Path,
+    store: Store,
+    chosen: backend.Backend,
+    messages: RunMessages,
+    scale: Scale,
+    options: Mapping[str, object],
 ) -> int:
-    """Get the views, predict and measure, and leave tables, figures and film; the exit code."""
+    """Get the views, predict and measure, and leave tables, figures, report and film; the exit code."""
     begin = time.perf_counter()
     acquired = acquire(wanted.views, store, chosen, messages, scale)
     messages.failed(acquired.failed)
     whole = wanted.without(acquired.failed, messages)
     after_views = time.perf_counter()
     tables: dict[str, list[Row]] = {}
+    reported = 0.0
     if whole is not None:
         calibration = calibrate_hallway(whole.training, acquired)
         write_text(folder / "calibrated.toml", calibration.to_toml())
-        tables = _leave_tables(whole, acquired, calibration, folder)
+        tables, both = _leave_tables(whole, acquired, calibration, folder)
         linked_views(folder, [i.request.key for i in wanted.views if i.request.key not in acquired.failed], store)
+        after_tables = time.perf_counter()
+        if options["report"]:
+            made = of_schedule(both, acquired.measured, chosen.identity)
+            with_whole_views(
+                lambda: write_schedule_report(folder, made, store), wanted.views, store, chosen, messages, scale
+            )
+        reported = time.perf_counter() - after_tables
         if whole.real is not None:
             tracked = track_real_walk(whole.real, acquired, calibration)
             said = whole.design.schedule.said
@@ -151,8 +168,8 @@ def _judge(
                 scale,
             )
         _show(tables, messages.console)
-    seconds = {"views": after_views - begin, "total": time.perf_counter() - begin}
-    _write_run(folder, wanted.design, chosen.identity, acquired, sorted(tables), seconds)
+    seconds = {"views": after_views - begin, "report": reported, "total": time.perf_counter() - begin}
+    _write_run(folder, options, wanted.design, chosen.identity, acquired, sorted(tables), seconds)
     warn_of_render_noise(wanted.views, acquired, messages.warn)
     warn_of_saturation(wanted.views, acquired, messages.warn)
     return messages.end(
@@ -164,8 +181,10 @@ def _judge(
     )
 
 
-def _leave_tables(whole: Wanted, acquired: Acquired, calibration: Calibration, folder: Path) -> dict[str, list[Row]]:
-    """Tables and figure of the held steps."""
+def _leave_tables(
+    whole: Wanted, acquired: Acquired, calibration: Calibration, folder: Path
+) -> tuple[dict[str, list[Row]], ScheduleResult]:
+    """Tables and figure of the held steps; the tables, and the result of both avatars."""
     design = whole.design
     held = assess_held(design, acquired, calibration)
     results = [result_of(held, avatar) for avatar in design.stage.groups]
@@ -177,6 +196,7 @@ def _leave_tables(whole: Wanted, acquired: Acquired, calibration: Calibration, f
         "points": held_point_rows(both),
         "views": view_rows([both], acquired),
         "timings": timing_rows(whole.views, acquired),
+        "detection": detection_rows([both]),
         "correlation": [{"avatar": both.avatar, **row} for row in correlation_rows(both)],
         "agreement": [row for result in results for row in agreement_rows(result)],
         "strategies": [row for result in results for row in strategy_rows(result)],
@@ -187,30 +207,7 @@ def _leave_tables(whole: Wanted, acquired: Acquired, calibration: Calibration, f
     for name, rows in tables.items():
         write_csv(folder / f"{name}.csv", rows)
     _draw(folder, both)
-    return tables
-
-
-def own_strategy(said: str) -> tuple[str, Strategy]:
-    """The function that "FILE:FUNCTION" names, with its name; the file is run.
-
-    Raises:
-        RangeError: no such file, or no such function in it.
-    """
-    path, colon, name = said.rpartition(":")
-    if not colon or not Path(path).is_file():
-        raise RangeError(f"--strategy {said!r}; allowed: the path of a Python file, a colon, and a function in it")
-    spec = importlib.util.spec_from_file_location(Path(path).stem, path)
-    if spec is None or spec.loader is None:
-        raise RangeError(f"--strategy {said!r}: {path} is no Python file")
-    module = importlib.util.module_from_spec(spec)
-    try:
-        spec.loader.exec_module(module)
-    except Exception as error:  # whatever the user's own code raises
-        raise RangeError(f"--strategy {said!r}: {path} fails with {type(error).__name__}: {error}") from error
-    function = getattr(module, name, None)
-    if not callable(function):
-        raise RangeError(f"--strategy {said!r}: {path} has no function {name!r}")
-    return name, function
+    return tables, both
 
 
 def _run_of(runs: Sequence[Run], strategy: str) -> int | None:
@@ -232,9 +229,16 @@ def _draw(folder: Path, result: ScheduleResult) -> None:
 
 
 def _write_run(
-    folder: Path, design: Design, renderer: str, acquired: Acquired, tables: list[str], seconds: dict[str, float]
+    folder: Path,
+    options: Mapping[str, object],
+    design: Design,
+    renderer: str,
+    acquired: Acquired,
+    tables: list[str],
+    seconds: dict[str, float],
 ) -> None:
     content: dict[str, Any] = {
+        "options": {name: str(value) for name, value in options.items()},
         "schedule": design.schedule.resolved(),
         "scene": design.stage.scene.resolved(),
         "walk": asdict(design.stage.walk),

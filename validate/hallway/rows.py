@@ -8,6 +8,7 @@ import numpy as np
 
 from validate.hallway.results import ScheduleResult
 from validate.hallway.runs import limit_name
+from validate.intervals import sample_interval
 from validate.tables import configuration_rows, point_rows
 
 __all__ = ["held_configuration_rows", "held_point_rows", "run_rows"]
@@ -18,6 +19,7 @@ Row = dict[str, object]
 def held_configuration_rows(result: ScheduleResult) -> list[Row]:
     """A row for each run, step and noise model, of one avatar or both."""
     rows = []
+    filter_low, filter_high = sample_interval(result.curves["", "filter"].samples)
     for row, (run, step) in _with_places(result, configuration_rows(result), per=1):
         model = str(row["noise_model"])
         held = result.held.steps[run][step]
@@ -29,6 +31,8 @@ def held_configuration_rows(result: ScheduleResult) -> list[Row]:
                 **_place(result, run, step),
                 "avatar": result.avatar,
                 **row,
+                "measured_pss_filter_ci_low": float(filter_low[run, step]),
+                "measured_pss_filter_ci_high": float(filter_high[run, step]),
                 "pss_surrogate": held.surrogate[result.avatar][model].pss,
                 "sigma_inf_surrogate_rms_m": held.surrogate[result.avatar][model].sigma_inf_rms_m,
                 "markers_seen_by_two": int(seen.sum()),

@@ -24,6 +24,7 @@ from validate.expose import with_exposures
 from validate.measure import ViewMeasurement, load_measurement
 from validate.remote_store import open_store
 from validate.report.data import read_sweeps
+from validate.report.files import REPORT
 from validate.report.images import pictures_of
 from validate.report.model_file import write_models
 from validate.report.page import Section, html_of, section_of
@@ -32,8 +33,6 @@ from validate.store import Store, StoreError, write_text
 from validate.sweep import Plan, SweepResult, plan
 
 __all__ = ["REPORT", "SweepForReport", "main", "of_results", "remade", "source_of_report", "write_report"]
-
-REPORT = "report.html"
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +109,11 @@ def remade(folder: Path, store_name: str | None = None) -> Path:
         StoreError: the folder is not that of a run, its files have changed since, or the store lacks what it used.
     """
     said = _run_of(folder)
+    if "schedule" in said:
+        # Imported late: it builds on this package.
+        from validate.hallway.report.files import remade_schedule
+
+        return remade_schedule(folder, said, open_store(store_name or said["options"]["store"]))
     options = {name: None if value == "None" else value for name, value in said["options"].items()}
     store = open_store(store_name or options["store"])
     chosen = backend.choose(options["variant"])
@@ -137,12 +141,14 @@ def remade(folder: Path, store_name: str | None = None) -> Path:
 def _run_of(folder: Path) -> dict[str, Any]:
     try:
         said = json.loads((folder / "run.json").read_text(encoding="utf-8"))
-        if all(isinstance(said[name], dict) for name in ("options", "sweeps", "scenes")):
+        of_what = ("schedule", "scene") if "schedule" in said else ("sweeps", "scenes")
+        if all(isinstance(said[name], dict) for name in ("options", *of_what)):
             return dict(said)
     except (OSError, ValueError, KeyError, TypeError):
         pass
     raise StoreError(
-        f"{folder} has no run.json of a run of sweeps; allowed: a folder that run_sweep.py SWEEP… has left"
+        f"{folder} has no run.json of a run of sweeps or of a schedule; allowed: a folder that run_sweep.py SWEEP… or "
+        "run_sweep.py schedule has left"
     )
 
 
@@ -177,7 +183,7 @@ def run(
     """Make report.html and scene.glb of a finished run again, from its CSV files and the store.
 
     Args:
-        folder: results that `run_sweep.py SWEEP…` has left.
+        folder: results that `run_sweep.py SWEEP…` or `run_sweep.py schedule` has left.
         store: folder of rendered views and measurements (default: the run's own).
     """
     print(remade(folder, store))

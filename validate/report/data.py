@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from validate.findings.tables import Row, all_of, read_tables
 from validate.store import StoreError
 
-__all__ = ["KINDS", "Curve", "Kind", "SweepTable", "read_sweeps"]
+__all__ = ["KINDS", "MM", "Curve", "Kind", "SweepTable", "needed_tables", "read_sweeps", "table_of"]
 
 Floats = NDArray[np.float64]
 
@@ -122,12 +122,13 @@ class SweepTable:
         return Curve(values, np.full_like(values, np.nan), np.full_like(values, np.nan))
 
     def measured_pss(self, kind: Kind) -> Curve:
-        """1/m, measured; the single-frame kind has an interval."""
+        """1/m, measured; the single-frame kind has an interval, and the filter's in runs that leave it."""
         columns = self.steps[self.models[0]]
         values = columns[kind.measured_pss]
-        if kind.name != "single":
+        name = "measured_pss" if kind.name == "single" else kind.measured_pss
+        if f"{name}_ci_low" not in columns:
             return Curve(values, np.full_like(values, np.nan), np.full_like(values, np.nan))
-        return Curve(values, columns["measured_pss_ci_low"], columns["measured_pss_ci_high"])
+        return Curve(values, columns[f"{name}_ci_low"], columns[f"{name}_ci_high"])
 
     def predicted_mm(self, model: str, kind: Kind) -> Floats:
         """Millimetres, predicted σ of each point at each step, (S, N); nan where it is not observable."""
@@ -143,6 +144,18 @@ class SweepTable:
             return self.points[self.models[0]]["nees_detections"] / 3
         return self.points[model]["nees"] / 3
 
+    def at(self, steps: Sequence[int]) -> SweepTable:
+        """The table of some of the steps, in their order."""
+        chosen = list(steps)
+        return replace(
+            self,
+            labels=tuple(self.labels[n] for n in chosen),
+            values=tuple(self.values[n] for n in chosen),
+            camera_names=tuple(self.camera_names[n] for n in chosen),
+            steps={model: {key: v[chosen] for key, v in columns.items()} for model, columns in self.steps.items()},
+            points={model: {key: v[chosen] for key, v in columns.items()} for model, columns in self.points.items()},
+        )
+
     def correlation_of(self, model: str, kind: Kind) -> Row | None:
         """The row of a noise model's PSS with the measured PSS of the same kind, over the steps."""
         found = all_of(
@@ -157,21 +170,32 @@ def read_sweeps(folder: Path) -> list[SweepTable]:
     Raises:
         StoreError: a table is missing, or holds no row of a configuration.
     """
-    tables = read_tables(folder)
-    missing = [f"{name}.csv" for name in NEEDED if name not in tables]
-    if missing:
-        raise StoreError(f"{folder} has no {', '.join(missing)}; allowed is a folder that a run of sweeps has left")
+    tables = needed_tables(folder, NEEDED)
     names = dict.fromkeys(row["sweep"] for row in tables["configurations"])
     if not names:
         raise StoreError(f"{folder}/configurations.csv has no row; allowed is a run with a configuration that was seen")
-    return [_sweep(name, {table: _of_sweep(rows, name) for table, rows in tables.items()}) for name in names]
+    return [table_of(name, {table: _of_sweep(rows, name) for table, rows in tables.items()}) for name in names]
+
+
+def needed_tables(folder: Path, names: Sequence[str]) -> dict[str, list[dict[str, str]]]:
+    """The CSV files of a run's folder, by name.
+
+    Raises:
+        StoreError: one of those named is missing.
+    """
+    tables = read_tables(folder)
+    missing = [f"{name}.csv" for name in names if name not in tables]
+    if missing:
+        raise StoreError(f"{folder} has no {', '.join(missing)}; allowed is a folder that a run has left")
+    return tables
 
 
 def _of_sweep(rows: Sequence[Row], name: str) -> list[Row]:
     return [row for row in rows if row.get("sweep") == name]
 
 
-def _sweep(name: str, tables: dict[str, list[Row]]) -> SweepTable:
+def table_of(name: str, tables: Mapping[str, Sequence[Row]]) -> SweepTable:
+    """A sweep's table from its own rows: of configurations, points, correlation, claims and detection."""
     rows = tables["configurations"]
     models = tuple(dict.fromkeys(row["noise_model"] for row in rows))
     first = all_of(rows, noise_model=models[0])

@@ -16,12 +16,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from render.view import RenderedView
-from validate.report.scene3d import PLATE_MODULES
+from render.exr import ViewPlanes
+from render.sensor import expected_electrons
+from validate.report.space import PLATE_MODULES
 from validate.report.steps import Step
 from validate.report.traces import plain
 from validate.store import Store
-from validate.stored_views import stored_view
+from validate.stored_views import stored_planes
 
 __all__ = ["BUDGET_BYTES", "LAYERS", "MOST_BLUR_PX", "Crop", "Pictures", "chosen_crops", "overlay", "pictures_of"]
 
@@ -39,6 +40,8 @@ LAYERS = {
     "depth": "depth",
     "blur": "blur",
 }
+# The channels of a stored view that each is made of.
+CHANNELS = {"clean": "Y", "noisy": "capture.Y", "depth": "depth.Z", "blur": "depth.Z"}
 # px, diameter of the circle of confusion that the scale ends at; a marker as blurred as that is never found.
 MOST_BLUR_PX = 12.0
 # Crops of each kind in a sweep.
@@ -149,8 +152,18 @@ def overlay(step: Step, camera: int) -> list[list[Any]]:
     return rows
 
 
-def pictures_of(steps: Sequence[Step], crops: Sequence[Crop], store: Store) -> Pictures:
-    """The pictures of all views of all steps, as wide as `BUDGET_BYTES` allows.
+def pictures_of(
+    steps: Sequence[Step],
+    crops: Sequence[Crop],
+    store: Store,
+    budget_bytes: float | None = None,
+    widest_px: int = WIDTHS_PX[0],
+) -> Pictures:
+    """The pictures of all views of all steps, as wide as the budget allows.
+
+    Args:
+        budget_bytes: None for `BUDGET_BYTES`.
+        widest_px: one of `WIDTHS_PX`; larger ones are not tried.
 
     Raises:
         DamagedViewError: a view is not in the store, or was found damaged and set aside.
@@ -159,9 +172,9 @@ def pictures_of(steps: Sequence[Step], crops: Sequence[Crop], store: Store) -> P
     farthest = max((_diagonal_m(step) for step in steps), default=1.0)
 
     def seen(key: str) -> tuple[dict[str, Pixels], list[Pixels]]:
-        view = stored_view(store, key)
+        view = stored_planes(store, key, list(dict.fromkeys(CHANNELS.values())))
         own = [_cut(view, crop) for crop in crops if crop.view_key == key]
-        return _layers(view, farthest), own
+        return {name: _layer(view, name, farthest, widest_px) for name in LAYERS}, own
 
     # Unpacking the images is most of the work, and leaves Python alone.
     with ThreadPoolExecutor(2) as pool:
@@ -169,8 +182,9 @@ def pictures_of(steps: Sequence[Step], crops: Sequence[Crop], store: Store) -> P
     waiting = {key: iter(own) for key, (_, own) in every.items()}
     cut = [_uri(next(waiting[crop.view_key]), 85) for crop in crops]
     layers = {key: pictures for key, (pictures, _) in every.items()}
-    room = BUDGET_BYTES - min(sum(map(len, cut)), SHARE_OF_CROPS * BUDGET_BYTES)
-    for width in WIDTHS_PX:
+    budget = BUDGET_BYTES if budget_bytes is None else budget_bytes
+    room = budget - min(sum(map(len, cut)), SHARE_OF_CROPS * budget)
+    for width in (width for width in WIDTHS_PX if width <= widest_px):
         encoded = _encoded(layers, width, room)
         if encoded is not None:
             return Pictures(width, encoded, cut, farthest)
@@ -182,20 +196,19 @@ def _diagonal_m(step: Step) -> float:
     return float(math.ceil(math.hypot(room.width_m, room.length_m, room.height_m)))
 
 
-def _layers(view: RenderedView, farthest_m: float) -> dict[str, Pixels]:
-    """The layers at the largest width: light is reduced before it is turned into grey, depth is picked."""
-    camera = view.camera
-    depth_m = _reduced(view.depth_m, WIDTHS_PX[0], cv2.INTER_NEAREST)
+def _layer(view: ViewPlanes, name: str, farthest_m: float, width_px: int) -> Pixels:
+    """A layer at the largest width: light is reduced before it is turned into grey, depth is picked."""
+    camera, plane = view.camera, view.planes[CHANNELS[name]]
+    if name == "clean":
+        return _grey(_reduced(expected_electrons(plane, camera, view.sensor).astype(np.float32), width_px))
+    if name == "noisy":
+        return _grey(np.maximum(_reduced(plane, width_px) - view.sensor.black_level_dn, 0))
+    depth_m = _reduced(plane, width_px, cv2.INTER_NEAREST)
+    if name == "depth":
+        return _shaded(depth_m / farthest_m)
     with np.errstate(invalid="ignore"):
         away = np.abs(1 - camera.focus_distance_m / depth_m)
-    blur = camera.aperture_diameter_m * camera.focal_px / camera.focus_distance_m * away
-    capture = _reduced(view.capture_dn.astype(np.float32), WIDTHS_PX[0]) - view.sensor.black_level_dn
-    return {
-        "clean": _grey(_reduced(view.expected_electrons(), WIDTHS_PX[0])),
-        "noisy": _grey(np.maximum(capture, 0)),
-        "depth": _shaded(depth_m / farthest_m),
-        "blur": _shaded(blur / MOST_BLUR_PX),
-    }
+    return _shaded(camera.aperture_diameter_m * camera.focal_px / camera.focus_distance_m * away / MOST_BLUR_PX)
 
 
 def _grey(light: NDArray[np.float32]) -> Pixels:
@@ -222,13 +235,19 @@ def _encoded(
     layers: Mapping[str, Mapping[str, Pixels]], width_px: int, budget_bytes: float
 ) -> dict[str, dict[str, str]] | None:
     """All pictures at one width; None as soon as they are too many bytes."""
+
+    def encoded(key: str) -> dict[str, str]:
+        return {name: _uri(_reduced(picture, width_px), QUALITY) for name, picture in layers[key].items()}
+
     total, found = 0, {}
-    for number, (key, pictures) in enumerate(layers.items(), start=1):
-        found[key] = {name: _uri(_reduced(picture, width_px), QUALITY) for name, picture in pictures.items()}
-        total += sum(map(len, found[key].values()))
-        # After a few views it is plain where this leads.
-        if total > budget_bytes or (number >= 4 and total / number * len(layers) > 1.3 * budget_bytes):
-            return None
+    with ThreadPoolExecutor(2) as pool:
+        # What still waits is called off where this returns early.
+        for number, (key, uris) in enumerate(zip(layers, pool.map(encoded, layers), strict=True), start=1):
+            found[key] = uris
+            total += sum(map(len, uris.values()))
+            # After a few views it is plain where this leads.
+            if total > budget_bytes or (number >= 4 and total / number * len(layers) > 1.3 * budget_bytes):
+                return None
     return found
 
 
@@ -237,13 +256,14 @@ def _uri(picture: Pixels, quality: int) -> str:
     return "data:image/webp;base64," + base64.b64encode(data.tobytes()).decode()
 
 
-def _cut(view: RenderedView, crop: Crop) -> Pixels:
+def _cut(view: ViewPlanes, crop: Crop) -> Pixels:
     """A square of the noisy capture, its pixels as squares, stretched to its own range of grey."""
     half = crop.side_px // 2
     x, y = (round(value) for value in crop.centre_px)
-    height, width = view.capture_dn.shape
+    capture_dn = view.planes[CHANNELS["noisy"]]
+    height, width = capture_dn.shape
     top, left = max(y - half, 0), max(x - half, 0)
-    inside = view.capture_dn[top : min(y + half, height), left : min(x + half, width)].astype(float)
+    inside = capture_dn[top : min(y + half, height), left : min(x + half, width)].astype(float)
     low, high = np.percentile(inside, (0.5, 99.5))
     stretched = np.full((2 * half, 2 * half), 255, dtype=np.uint8)
     grey = 255 * np.clip((inside - low) / max(high - low, 1), 0, 1) ** (1 / 2.2)

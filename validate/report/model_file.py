@@ -10,11 +10,12 @@ import trimesh
 from numpy.typing import NDArray
 
 from render.geometry import plate_corners
+from validate.report.bodies import object_meshes
 from validate.report.data import KINDS
 from validate.report.frusta import frustum, room_corners
 from validate.report.page import Section
-from validate.report.scene3d import PLATE_MODULES, object_meshes
 from validate.report.shades import plate_colours
+from validate.report.space import PLATE_MODULES
 from validate.store import atomic_path
 
 __all__ = ["model_of", "write_models"]
@@ -24,7 +25,6 @@ UP = trimesh.transformations.rotation_matrix(-np.pi / 2, (1, 0, 0))
 # Plates stand this far before what they are glued to, so that viewers can tell them apart.
 LIFT_M = 0.004
 FLOOR, OBJECTS = (230, 226, 218, 255), (205, 205, 205, 255)
-VARIED, FIXED = (213, 94, 0, 255), (0, 114, 178, 255)
 
 
 def write_models(folder: Path, sections: Sequence[Section]) -> list[Path]:
@@ -56,8 +56,8 @@ def model_of(section: Section, step_number: int) -> trimesh.Scene:
         # Corners run clockwise for who looks at the print.
         name = f"marker {marker.id} on {marker.object_name}"
         scene.add_geometry(_mesh(corners, [[2, 1, 0], [3, 2, 0]], colour), node_name=name, geom_name=name)
-    for camera, varied in zip(step.cameras, step.varied, strict=True):
-        field, colour = frustum(camera, room), VARIED if varied else FIXED
+    for camera, group in zip(step.cameras, step.groups, strict=True):
+        field, colour = frustum(camera, room), _rgba(section.groups[group].colour)
         body = trimesh.creation.icosphere(subdivisions=2, radius=0.06)
         body.apply_translation(field.apex)
         body.visual.vertex_colors = np.array(colour, dtype=np.uint8)
@@ -69,6 +69,10 @@ def model_of(section: Section, step_number: int) -> trimesh.Scene:
         scene.add_geometry(edges, node_name=f"field of view {camera.name}", geom_name=f"field of view {camera.name}")
     scene.apply_transform(UP)
     return scene
+
+
+def _rgba(colour: str) -> tuple[int, ...]:
+    return (*(int(colour[n : n + 2], 16) for n in (1, 3, 5)), 255)
 
 
 def _mesh(

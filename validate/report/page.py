@@ -9,21 +9,50 @@ from typing import Any
 import jinja2
 import plotly.offline
 
-from validate.report import budget, curves, points, quality, scene3d, verdict
+from validate.report import budget, curves, points, quality, scene3d, space, verdict
 from validate.report.data import KINDS, MM, SweepTable
 from validate.report.frame import json_in_page
 from validate.report.images import LAYERS, MOST_BLUR_PX, Crop, Pictures, chosen_crops, overlay
+from validate.report.scene3d import GROUPS, Group
 from validate.report.steps import Step
 from validate.report.traces import Choice, Columns, Figure, only_changes
 
-__all__ = ["Section", "html_of", "section_of"]
+__all__ = ["KIND_CHOICE", "Courses", "Section", "html_of", "joined_columns", "page_of", "section_of", "words_of"]
 
 KIND_CHOICE = Choice("kind", "Kind of PSS", tuple((kind.name, kind.words) for kind in KINDS))
 
 
+# What plays may do in a second.
+SPEEDS_PER_S = (1, 2, 4, 8)
+
+
+@dataclass(frozen=True)
+class Courses:
+    """What the slider goes through: for each setting of some choices, the numbers of the section's steps in order.
+
+    Attributes:
+        choices: the reader's, such as of a strategy; a sweep has none.
+        steps: by the choices' values, joined by "|".
+        labels: of the slider's places.
+        first: the place that is shown at first.
+    """
+
+    choices: tuple[Choice, ...]
+    steps: Mapping[str, Sequence[int]]
+    labels: tuple[str, ...]
+    first: int
+
+
 @dataclass(frozen=True)
 class Section:
-    """A sweep on the page. `columns` are those of its steps; `crops` are asked of its pictures."""
+    """A sweep, or another run in steps, on the page.
+
+    Attributes:
+        columns: of its steps.
+        crops: asked of its pictures.
+        groups: of its cameras.
+        all_cameras: whether the pictures of all cameras are shown at first.
+    """
 
     table: SweepTable
     title: str
@@ -31,6 +60,9 @@ class Section:
     figures: Sequence[Figure]
     columns: Sequence[Columns]
     crops: Sequence[Crop]
+    courses: Courses
+    groups: Mapping[str, Group]
+    all_cameras: bool = False
 
     @property
     def model_choice(self) -> Choice:
@@ -54,20 +86,39 @@ def section_of(table: SweepTable, title: str, steps: Sequence[Step]) -> Section:
         points.point_columns(table, steps),
         budget.budget_columns(table),
         budget.visibility_columns(steps),
-        scene3d.scene_columns(table, steps),
+        space.scene_columns(table, steps),
     )
-    columns = [
-        {name: value for part in at_step for name, value in part.items()} for at_step in zip(*parts, strict=True)
-    ]
-    return Section(table, title, steps, figures, columns, chosen_crops(steps))
+    courses = Courses((), {"": range(len(steps))}, table.labels, table.measured_pss(KINDS[0]).best)
+    return Section(table, title, steps, figures, joined_columns(*parts), chosen_crops(steps), courses, GROUPS)
+
+
+def joined_columns(*parts: Sequence[Columns]) -> list[Columns]:
+    """The columns of each step, from several figures."""
+    return [{name: value for part in at_step for name, value in part.items()} for at_step in zip(*parts, strict=True)]
 
 
 def html_of(sections: Sequence[Section], pictures: Pictures, about: Mapping[str, str]) -> str:
-    """The whole page.
+    """The whole page of a run of sweeps; arguments as for `page_of`."""
+    title = "PSS report: " + ", ".join(section.table.name for section in sections)
+    return page_of("report.html.j2", title, sections, [_words_of_sweep(s) for s in sections], pictures, about)
+
+
+def page_of(
+    template: str,
+    title: str,
+    sections: Sequence[Section],
+    words: Sequence[Mapping[str, Any]],
+    pictures: Pictures,
+    about: Mapping[str, str],
+    **more: Any,
+) -> str:
+    """The whole page of a run.
 
     Args:
+        words: of each section, what the template says of it beside `words_of`.
         pictures: of all sections, the crops one section after the other.
         about: what the run was made with, for the foot: words by name.
+        more: what else the template asks for.
     """
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("validate.report"), autoescape=True, undefined=jinja2.StrictUndefined
@@ -75,9 +126,11 @@ def html_of(sections: Sequence[Section], pictures: Pictures, about: Mapping[str,
     source, _, _ = environment.loader.get_source(environment, "report.css")  # type: ignore[union-attr]
     script, _, _ = environment.loader.get_source(environment, "report.js")  # type: ignore[union-attr]
     uris = iter(pictures.crops)
-    return environment.get_template("report.html.j2").render(
-        title="PSS report: " + ", ".join(section.table.name for section in sections),
-        sections=[_words(section, [(crop, next(uris)) for crop in section.crops]) for section in sections],
+    crops = [[(crop, next(uris)) for crop in section.crops] for section in sections]
+    return environment.get_template(template).render(
+        title=title,
+        sections=[{**words_of(section, cut), **own} for section, cut, own in zip(sections, crops, words, strict=True)],
+        speeds=SPEEDS_PER_S,
         layers=LAYERS,
         farthest_m=pictures.farthest_m,
         most_blur_px=MOST_BLUR_PX,
@@ -87,23 +140,33 @@ def html_of(sections: Sequence[Section], pictures: Pictures, about: Mapping[str,
         script=script,
         plotly=plotly.offline.get_plotlyjs(),
         data=json_in_page({"sweeps": [_data(section) for section in sections], "views": _views(sections, pictures)}),
+        **more,
     )
 
 
-def _words(section: Section, crops: Sequence[tuple[Crop, str]]) -> dict[str, Any]:
-    """What the template says of a section."""
+def _words_of_sweep(section: Section) -> dict[str, Any]:
+    """What the template says of a sweep alone."""
+    table = section.table
+    return {
+        "verdict": verdict.in_words(table),
+        "remarks": verdict.remarks(table),
+        "verdicts": verdict.verdicts(table),
+        "claims": verdict.claims(table.claims),
+        "steps": _step_rows(table),
+    }
+
+
+def words_of(section: Section, crops: Sequence[tuple[Crop, str]]) -> dict[str, Any]:
+    """What the template says of any section."""
     table = section.table
     return {
         "id": table.name,
         "title": section.title,
-        "verdict": verdict.in_words(table),
-        "remarks": verdict.remarks(table),
-        "verdicts": verdict.verdicts(table),
-        "claims": verdict.claims(table),
-        "labels": table.labels,
+        "labels": section.courses.labels,
         "figures": section.figures,
-        "shared": (section.model_choice, KIND_CHOICE),
-        "steps": _step_rows(table),
+        "shared": (*section.courses.choices, section.model_choice, KIND_CHOICE),
+        "models": table.models,
+        "all_cameras": section.all_cameras,
         "crops": [
             (words, [(crop, uri) for crop, uri in crops if crop.kind == kind])
             for kind, words in (
@@ -139,8 +202,10 @@ def _data(section: Section) -> dict[str, Any]:
     """What the page's script draws from."""
     return {
         "name": section.table.name,
-        "labels": list(section.table.labels),
-        "first": section.table.measured_pss(KINDS[0]).best,
+        "labels": list(section.courses.labels),
+        "first": section.courses.first,
+        "courses": {key: list(steps) for key, steps in section.courses.steps.items()},
+        "course_of": [choice.name for choice in section.courses.choices],
         "steps": only_changes(section.columns),
         "figures": [
             {
@@ -154,7 +219,10 @@ def _data(section: Section) -> dict[str, Any]:
             for f in section.figures
         ],
         "views": [
-            [[camera.name, sight.view_key] for camera, sight in zip(step.cameras, step.sights, strict=True)]
+            [
+                [camera.name, sight.view_key, *([section.groups[group].words] if section.courses.choices else [])]
+                for camera, sight, group in zip(step.cameras, step.sights, step.groups, strict=True)
+            ]
             for step in section.steps
         ],
     }

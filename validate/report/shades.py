@@ -1,4 +1,4 @@
-"""What markers in space are coloured by: scales that hold over a whole sweep, and each marker's shade at a step."""
+"""What markers in space are coloured by: scales that hold over a run. The page finds each marker's shade."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from validate.report.data import KINDS, SweepTable
 from validate.report.style import PURPLE_ORANGE
 from validate.report.traces import Columns, plain
 
-__all__ = ["VIRIDIS", "plate_colours", "scales", "shades"]
+__all__ = ["VIRIDIS", "plate_colours", "scales"]
 
 Floats = NDArray[np.float64]
 
@@ -48,6 +48,8 @@ def scales(table: SweepTable) -> Columns:
                 ticks = _ticks(low, high)
                 name = f"{colour}|{kind.name}|{model}"
                 columns[f"low|{name}"], columns[f"high|{name}"] = round(bottom, 4), round(high, 4)
+                # The scale's own lower end: below it lies the grey of what is not known.
+                columns[f"known_from|{name}"] = round(low, 4)
                 columns[f"ticks|{name}"] = [round((bottom + low) / 2, 4), *plain(np.log10(ticks))]
                 columns[f"ticktexts|{name}"] = ["unknown", *(f"{tick:g}" for tick in ticks)]
     return columns
@@ -80,47 +82,16 @@ def _ticks(low: float, high: float) -> list[float]:
     return inside or [float(f"{10 ** ((low + high) / 2):.2g}")]
 
 
-def shades(table: SweepTable, step: int, kind: str, model: str) -> Columns:
-    """The markers' shades, signs and words at a step."""
-    columns: Columns = {}
-    coloured = _coloured(table, kind, model)
-    for colour, values in coloured.items():
-        low, high = _ends(values, colour == "ratio")
-        bottom = low - (high - low) * GREY_SHARE / (1 - GREY_SHARE)
-        row = np.where(np.isfinite(values[step]), np.clip(values[step], low, high), bottom)
-        columns[f"shade|{colour}|{kind}|{model}"] = np.repeat(np.round(row, 3), 2).tolist()
-    predicted, measured = 10 ** coloured["predicted"][step], 10 ** coloured["measured"][step]
-    for colour in coloured:
-        columns[f"signs|{colour}|{kind}|{model}"] = _signs(predicted, measured if colour == "ratio" else None)
-    columns[f"said|{kind}|{model}"] = [
-        f"marker {point} on {name}<br>predicted {_mm(p)}, measured {_mm(m)}"
-        for point, name, p, m in zip(table.point_ids, table.objects, predicted, measured, strict=True)
-    ]
-    return columns
-
-
-def _signs(predicted: Floats, measured: Floats | None) -> list[str]:
-    """Plotly's symbols: × not observable; for a ratio, whose scale is dark at both ends, a ring where it is below 1."""
-    smaller = np.zeros(len(predicted), dtype=bool) if measured is None else measured < predicted
-    return [
-        "x" if not np.isfinite(sigma) else "circle-open" if below else "circle"
-        for sigma, below in zip(predicted, smaller, strict=True)
-    ]
-
-
-def _mm(value: float) -> str:
-    return f"{value:.3g} mm" if np.isfinite(value) else "unknown"
-
-
 def plate_colours(table: SweepTable, step: int, kind: str, model: str) -> list[tuple[int, ...]]:
     """Red, green, blue and opacity (0 to 255) of each marker by its predicted σ, grey where that is not known."""
     columns = scales(table)
     name = f"predicted|{kind}|{model}"
-    low, high = columns[f"low|{name}"], columns[f"high|{name}"]
-    shade = np.array(shades(table, step, kind, model)[f"shade|{name}"][::2])
+    bottom, low, high = (columns[f"{end}|{name}"] for end in ("low", "known_from", "high"))
+    values = _coloured(table, kind, model)["predicted"][step]
+    shade = np.where(np.isfinite(values), np.clip(values, low, high), bottom)
     scale = columns["scale|predicted"]
     at = [float(stop) for stop, _ in scale]
     rgb = np.array([[int(colour[n : n + 2], 16) for n in (1, 3, 5)] for _, colour in scale])
-    share = np.clip((shade - low) / (high - low), 0, 1)
+    share = np.clip((shade - bottom) / (high - bottom), 0, 1)
     mixed = np.column_stack([np.interp(share, at, rgb[:, channel]) for channel in range(3)])
     return [(*(round(float(value)) for value in row), 255) for row in mixed]

@@ -17,7 +17,7 @@ from validate.acquire import Acquisition
 from validate.measure import ViewMeasurement
 from validate.sweep import Plan
 
-__all__ = ["Sight", "Step", "steps_of_plan"]
+__all__ = ["Sight", "Step", "covariances", "sight_of", "steps_of_plan"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -60,7 +60,8 @@ class Step:
         state: the scene.
         cameras: those that take part, C of them.
         idle: the scene's other cameras.
-        varied: (C,), cameras whose settings change over the run, or that are not in all of its steps.
+        groups: (C,), the group that each camera is drawn in: "varied" if its settings change over a sweep, or if it is
+            not in all of its steps, else "fixed"; other runs have groups of their own.
         visible: (C, N), predicted: the camera sees the marker.
         covariance_m2: by kind ("single": C, "filter": P∞) and noise model, (N, 3, 3) in m²; nan if not observable.
         sights: one for each camera.
@@ -70,7 +71,7 @@ class Step:
     state: SceneState
     cameras: tuple[PTZCamera, ...]
     idle: tuple[PTZCamera, ...]
-    varied: Bools
+    groups: tuple[str, ...]
     visible: Bools
     covariance_m2: Mapping[tuple[str, str], Floats]
     sights: tuple[Sight, ...]
@@ -102,10 +103,6 @@ def steps_of_plan(
     steps = []
     for (configuration, wanted), predicted in zip(kept, predictions, strict=True):
         active = {camera.name for camera in configuration.cameras}
-        covariance = {}
-        for model, evaluation in predicted.items():
-            covariance["single", model] = evaluation.single_frame_covariance
-            covariance["filter", model] = evaluation.covariance[:, :3, :3]
         points = configuration.scene.state.points_m
         steps.append(
             Step(
@@ -113,9 +110,9 @@ def steps_of_plan(
                 configuration.scene.state,
                 tuple(configuration.cameras),
                 tuple(camera for camera in configuration.scene.cameras if camera.name not in active),
-                np.array([camera.name in changing for camera in configuration.cameras]),
+                tuple("varied" if camera.name in changing else "fixed" for camera in configuration.cameras),
                 next(iter(predicted.values())).visible,
-                covariance,
+                covariances(predicted),
                 tuple(
                     sight_of(camera, points, item.request.key, measured[item])
                     for camera, item in zip(configuration.cameras, wanted, strict=True)
@@ -123,6 +120,15 @@ def steps_of_plan(
             )
         )
     return steps
+
+
+def covariances(predicted: Mapping[str, Evaluation]) -> dict[tuple[str, str], Floats]:
+    """A step's `covariance_m2`, from the metric by noise model."""
+    found = {}
+    for model, evaluation in predicted.items():
+        found["single", model] = evaluation.single_frame_covariance
+        found["filter", model] = evaluation.covariance[:, :3, :3]
+    return found
 
 
 def sight_of(camera: PTZCamera, points_m: Floats, view_key: str, measurement: ViewMeasurement) -> Sight:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from validate.findings.tables import Row
 from validate.report.data import KINDS, Kind, SweepTable
 
-__all__ = ["FOLLOWS_FROM", "Verdict", "claims", "in_words", "remarks", "verdicts"]
+__all__ = ["FOLLOWS_FROM", "Verdict", "claims", "in_words", "remarks", "rho_words", "standing_of", "verdicts"]
 
 # The bound of the project's gate (README.md): an interval of ρ that lies above it is called a ranking that follows.
 FOLLOWS_FROM = 0.6
@@ -46,11 +48,7 @@ class Verdict:
     @property
     def rho_text(self) -> str:
         """+0.98 [+0.90, +0.99]."""
-        if math.isnan(self.rho):
-            return "undefined"
-        if math.isnan(self.low):
-            return _minus(f"{self.rho:+.2f}")
-        return _minus(f"{self.rho:+.2f} [{self.low:+.2f}, {self.high:+.2f}]")
+        return rho_words(self.rho, self.low, self.high)
 
     @property
     def regret_text(self) -> str:
@@ -63,15 +61,31 @@ class Verdict:
     @property
     def standing(self) -> str:
         """What the interval allows to say."""
-        if math.isnan(self.rho):
-            return "cannot be judged"
-        if math.isnan(self.low):
-            return "has no interval"
-        if self.low > FOLLOWS_FROM:
-            return "follows"
-        if self.low > 0:
-            return "tends to follow"
-        return "runs against" if self.high < 0 else "is not shown to follow"
+        return standing_of(self.rho, self.low, self.high)
+
+
+def rho_words(rho: float, low: float, high: float) -> str:
+    """+0.98 [+0.90, +0.99]."""
+    if math.isnan(rho):
+        return "undefined"
+    # A rounding beside 0 has no sign of its own.
+    rho, low, high = (round(value, 2) + 0.0 for value in (rho, low, high))
+    if math.isnan(low):
+        return _minus(f"{rho:+.2f}")
+    return _minus(f"{rho:+.2f} [{low:+.2f}, {high:+.2f}]")
+
+
+def standing_of(rho: float, low: float, high: float) -> str:
+    """What the interval of ρ allows to say."""
+    if math.isnan(rho):
+        return "cannot be judged"
+    if math.isnan(low):
+        return "has no interval"
+    if low > FOLLOWS_FROM:
+        return "follows"
+    if low > 0:
+        return "tends to follow"
+    return "runs against" if high < 0 else "is not shown to follow"
 
 
 def _minus(text: str) -> str:
@@ -173,10 +187,10 @@ def remarks(table: SweepTable) -> list[str]:
     return found
 
 
-def claims(table: SweepTable) -> list[dict[str, str]]:
-    """The paper's claims on this sweep: `claim`, `side`, `holds`, `figure` and `value` in words."""
+def claims(rows: Sequence[Row]) -> list[dict[str, str]]:
+    """Rows of claims.csv in words: `claim`, `side`, `kind` and `at` (if there are such), `holds`, `figure`, `value`."""
     found = []
-    for row in table.claims:
+    for row in rows:
         value = f"{float(row['value']):.3g}" if row["value"] else "undefined"
         if row["value"] and row["ci_low"]:
             value += f" [{float(row['ci_low']):.3g}, {float(row['ci_high']):.3g}]"
@@ -188,6 +202,8 @@ def claims(table: SweepTable) -> list[dict[str, str]]:
                 "holds": row["holds"],
                 "figure": row["figure"],
                 "value": _minus(value),
+                "kind": row.get("kind", ""),
+                "at": _minus(row.get("at", "")),
             }
         )
     return found

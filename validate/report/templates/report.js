@@ -2,10 +2,14 @@
 (() => {
   const data = JSON.parse(document.getElementById("data").textContent);
   const NARROW_PX = 520;
+  // Within the margins of A4 and of letter paper.
+  const PRINTED_PX = 700;
+  let printing = false;
   // Three degrees of freedom, 95 %: the ellipsoid's half axes in standard deviations.
   const ELLIPSOID = 2.7955;
   const ELLIPSOID_M = 0.6;
   const ERROR_SHARE = 0.03;
+  const ALL_CAMERAS = "*";
   const CONFIG = { displaylogo: false, responsive: true, displayModeBar: false };
   const CONFIG_3D = { displaylogo: false, responsive: true, displayModeBar: "hover", modeBarButtons: [["toImage", "zoom3d", "pan3d", "orbitRotation", "tableRotation", "resetCameraDefault3d"]] };
 
@@ -31,7 +35,7 @@
     constructor(section) {
       this.section = section;
       this.data = data.sweeps[Number(section.dataset.sweep)];
-      this.step = this.data.first;
+      this.place = this.data.first;
       this.shared = {};
       this.marker = null;
       this.slider = section.querySelector("[data-step]");
@@ -44,17 +48,52 @@
           this.changed();
         });
       });
-      this.slider.addEventListener("input", () => this.go(Number(this.slider.value)));
+      this.slider.addEventListener("input", () => { this.pause(); this.go(Number(this.slider.value)); });
       section.querySelectorAll("[data-go]").forEach((button) =>
-        button.addEventListener("click", () => this.go(this.step + Number(button.dataset.go))));
-      this.go(this.step);
+        button.addEventListener("click", () => { this.pause(); this.go(this.place + Number(button.dataset.go)); }));
+      this.button = section.querySelector("[data-play]");
+      this.speed = section.querySelector("[data-speed]");
+      this.button.addEventListener("click", () => (this.playing ? this.pause() : this.play()));
+      this.go(this.place);
     }
-    go(step) {
-      this.step = Math.min(Math.max(step, 0), this.data.steps.length - 1);
-      this.slider.value = this.step;
-      this.slider.setAttribute("aria-valuetext", this.data.labels[this.step]);
-      this.section.querySelector("[data-label]").textContent = this.data.labels[this.step];
+    /** The steps that the slider goes through, and the one that it shows. */
+    get course() { return this.data.courses[this.data.course_of.map((name) => this.shared[name]).join("|")]; }
+    get step() { return this.course[this.place]; }
+    get label() { return this.data.labels[this.place]; }
+    go(place) {
+      this.place = Math.min(Math.max(place, 0), this.data.labels.length - 1);
+      this.slider.value = this.place;
+      this.slider.setAttribute("aria-valuetext", this.label);
+      this.section.querySelector("[data-label]").textContent = this.label;
       this.changed();
+    }
+
+    // Playing never begins by itself; it goes round until it is stopped, or until the reader takes the slider.
+    play() {
+      this.playing = true;
+      this.says("Pause", "off");
+      this.next();
+    }
+    pause() {
+      if (!this.playing) return;
+      this.playing = false;
+      clearTimeout(this.timer);
+      this.says("Play", "polite");
+    }
+    next() {
+      if (!this.playing) return;
+      this.go((this.place + 1) % this.data.labels.length);
+      const due = performance.now() + 1000 / Number(this.speed.value);
+      // Two frames on, what the step changed has been drawn: a slow machine plays slowly, and stays in hand.
+      requestAnimationFrame(() => requestAnimationFrame(() => {
+        this.timer = setTimeout(() => this.next(), Math.max(0, due - performance.now()));
+      }));
+    }
+    says(words, live) {
+      this.button.querySelector("[data-words]").textContent = words;
+      this.button.setAttribute("aria-label", `${words} the steps of ${this.data.name}`);
+      this.button.classList.toggle("playing", this.playing);
+      this.section.querySelectorAll("[data-label], [data-said], [data-view-said]").forEach((part) => part.setAttribute("aria-live", live));
     }
     changed() {
       this.plots.forEach((plot) => plot.stale());
@@ -86,6 +125,13 @@
       if (figure.id === "scene") this.scene();
       this.root.owner = this;
       watcher.observe(this.root);
+      // A window that becomes narrow, or a phone that is turned.
+      new ResizeObserver(() => { if (this.drawnFor && this.drawnFor !== this.room()) this.stale(); }).observe(this.div);
+    }
+    /** What the form of a figure depends on: "paper", "wide", or how narrow. */
+    room() {
+      const width = this.div.clientWidth;
+      return printing ? "paper" : width < NARROW_PX ? `narrow ${Math.round(width / 20)}` : "wide";
     }
     scene() {
       this.layers = new Set();
@@ -121,10 +167,12 @@
         .map(({ when, ...trace }) => filled(trace, look, chosen));
       const layout = filled(this.figure.layout, look, chosen);
       if (this.figure.id === "scene") traces = this.inSpace(traces, chosen);
-      const narrow = this.div.clientWidth < NARROW_PX;
+      const narrow = !printing && this.div.clientWidth < NARROW_PX;
+      this.drawnFor = this.room();
       layout.height = narrow ? Math.round(Math.min(this.figure.height, 1.05 * this.div.clientWidth + 60)) : this.figure.height;
       this.div.style.minHeight = layout.height + "px";
-      layout.autosize = true;
+      layout.autosize = !printing;
+      if (printing) layout.width = Math.min(PRINTED_PX, this.div.clientWidth);
       if (narrow) this.forNarrow(layout, traces);
       try {
         Plotly.react(this.div, traces, layout, this.figure.id === "scene" ? CONFIG_3D : CONFIG);
@@ -138,7 +186,7 @@
         });
       this.drawn = true;
       const words = Object.values(chosen).join(", ");
-      this.div.setAttribute("aria-label", `${this.figure.alt} Shown: ${this.sweep.data.labels[this.sweep.step]}, ${words}.`);
+      this.div.setAttribute("aria-label", `${this.figure.alt} Shown: ${this.sweep.label}, ${words}.`);
     }
     forNarrow(layout, traces) {
       layout.font = { ...(layout.font || {}), size: 11 };
@@ -166,6 +214,7 @@
         const layer = t.meta && t.meta.layer;
         return !["frusta", "planes", "objects"].includes(layer) || this.layers.has(layer);
       });
+      this.coloured(kept, at, chosen);
       const said = this.root.querySelector("[data-said]");
       const marker = this.sweep.marker;
       const centres = ["x", "y", "z"].map((axis) => at("centres_" + axis));
@@ -180,11 +229,11 @@
       const names = at("camera_names"), should = at("should_see"), rate = at("found_rate");
       const seeing = names.filter((_, c) => should[c][marker] === "1");
       const found = names.map((name, c) => [name, rate[c][marker]]).filter(([, r]) => r > 0);
-      let words = at(`said|${chosen.kind}|${chosen.model}`)[marker].replace("<br>", ": ") + ". ";
+      let words = kept.find((t) => t.meta && t.meta.pick).text[marker].replace("<br>", ": ") + ". ";
       words += seeing.length ? `Should be seen by camera${seeing.length > 1 ? "s" : ""} ${seeing.join(", ")}; ` : "No camera should see it; ";
       words += found.length ? "found by " + found.map(([n, r]) => `${n} (${Math.round(100 * r)} % of trials)`).join(", ") + ". " : "found by none. ";
       const root = at(`root|${chosen.kind}|${chosen.model}`)[marker];
-      if (root[0] === null) words += "Not observable: there is no ellipsoid.";
+      if (root === null) words += "Not observable: there is no ellipsoid.";
       else {
         const size = ELLIPSOID * Math.hypot(...root) / 1000;
         const wanted = ELLIPSOID_M / size, power = 10 ** Math.floor(Math.log10(wanted));
@@ -194,6 +243,28 @@
       }
       said.textContent = words;
       return kept;
+    }
+    /** Shades of the plates, signs and words of the dots: by what was predicted and measured of each marker. */
+    coloured(traces, at, chosen) {
+      const { colour, kind, model } = chosen;
+      const predicted = at(`predicted|${kind}|${model}`), measured = at(`measured|${kind}`), names = at("point_names");
+      const end = (name) => this.figure.columns[`${name}|${colour}|${kind}|${model}`];
+      const value = { predicted: (n) => predicted[n], measured: (n) => measured[n],
+        ratio: (n) => (predicted[n] === null || measured[n] === null ? null : measured[n] / predicted[n]) }[colour];
+      const shades = names.map((_, n) => {
+        const known = value(n);
+        return known === null || known <= 0 ? end("low") : Math.min(Math.max(Math.log10(known), end("known_from")), end("high"));
+      });
+      const mm = (number) => (number === null ? "unknown" : `${Number(number.toPrecision(3))} mm`);
+      for (const trace of traces) {
+        if (trace.meta && trace.meta.shaded) trace.intensity = shades.flatMap((shade) => [shade, shade]);
+        if (!trace.meta || !trace.meta.pick) continue;
+        // The scale of ratios is dark at both ends: a ring says that the ratio is below 1.
+        const below = (n) => colour === "ratio" && measured[n] !== null && measured[n] < predicted[n];
+        const sign = (sigma, n) => (sigma === null ? "x" : below(n) ? "circle-open" : "circle");
+        trace.marker = { ...trace.marker, symbol: predicted.map(sign) };
+        trace.text = names.map((name, n) => `marker ${name}<br>predicted ${mm(predicted[n])}, measured ${mm(measured[n])}`);
+      }
     }
     lines(at, centre, markers, width, colour) {
       const places = at("camera_places"), should = at("should_see"), axes = [[], [], []];
@@ -240,28 +311,40 @@
     refresh() {
       if (!this.dirty) return;
       this.dirty = false;
-      const views = this.sweep.data.views[this.sweep.step], names = views.map(([name]) => name);
-      const had = this.camera.value;
-      if ([...this.camera.options].map((o) => o.value).join() !== names.join())
-        this.camera.replaceChildren(...names.map((name) => new Option(name, name)));
-      const changing = names.find((_, n) => this.sweep.data.views.some((step) => !step[n] || step[n][1] !== views[n][1]));
-      this.camera.value = names.includes(had) ? had : changing || names[0];
-      const view = data.views[views[names.indexOf(this.camera.value)][1]];
+      const { data: run, step } = this.sweep, views = run.views[step], names = views.map(([name]) => name);
+      const had = this.camera.value, first = this.camera.options.length === 0;
+      if ([...this.camera.options].map((o) => o.value).join() !== [ALL_CAMERAS, ...names].join())
+        this.camera.replaceChildren(new Option("all", ALL_CAMERAS), ...names.map((name) => new Option(name, name)));
+      const changing = names.find((_, n) => run.views.some((of) => !of[n] || of[n][1] !== views[n][1]));
+      const fallback = first && this.root.dataset.images === "all" ? ALL_CAMERAS : changing || names[0];
+      this.camera.value = names.includes(had) || had === ALL_CAMERAS ? had : fallback;
+      const shown = this.camera.value === ALL_CAMERAS ? views : views.filter(([name]) => name === this.camera.value);
+      const holder = this.root.querySelector(".stages");
+      while (holder.children.length > shown.length) holder.lastElementChild.remove();
+      while (holder.children.length < shown.length) holder.append(holder.firstElementChild.cloneNode(true));
+      holder.classList.toggle("many", shown.length > 1);
       const layer = this.root.querySelector("[data-picture]:checked").value;
+      this.root.querySelectorAll("[data-scale]").forEach((scale) => { scale.hidden = scale.dataset.scale !== layer; });
+      const words = shown.map((view, n) => this.fill(holder.children[n], view, layer));
+      this.root.querySelector("[data-view-said]").textContent = shown.length > 1 ? `All cameras at ${this.sweep.label}.` : words[0];
+    }
+    /** One view's picture with what is drawn over it; what is said of it. */
+    fill(frame, [name, key, note], layer) {
+      const view = data.views[key], stage = frame.querySelector(".stage"), img = frame.querySelector("[data-img]");
       const over = new Set([...this.root.querySelectorAll("[data-over]:checked")].map((box) => box.dataset.over));
-      const img = this.root.querySelector("[data-img]"), stage = this.root.querySelector(".stage");
       const uri = view.pictures[layer === "error" ? "clean" : layer];
       if (uri) img.src = uri; else img.removeAttribute("src");
       stage.style.aspectRatio = view.size.join(" / ");
       stage.classList.toggle("dim", layer === "error");
-      this.root.querySelectorAll("[data-scale]").forEach((scale) => { scale.hidden = scale.dataset.scale !== layer; });
       const found = view.markers.filter((m) => m[4] >= 0.5).length, should = view.markers.filter((m) => m[3]).length;
-      let words = `Camera ${this.camera.value} at ${this.sweep.data.labels[this.sweep.step]}: ${found} markers found, ${should} should be seen.`;
+      let words = `${found} markers found, ${should} should be seen.`;
       const times = layer === "error" ? this.enlarged(view) : 0;
       if (times) words += ` Errors are drawn ${times} times as large.`;
-      img.alt = `${words} Picture: ${layer}.`;
-      this.root.querySelector("[data-view-said]").textContent = words;
-      this.root.querySelector("[data-svg]").replaceWith(this.overlay(view, over, times));
+      frame.querySelector("[data-of]").textContent = `camera ${name}${note ? ", " + note : ""}: ${words}`;
+      const said = `Camera ${name} at ${this.sweep.label}: ${words}`;
+      img.alt = `${said} Picture: ${layer}.`;
+      frame.querySelector("[data-svg]").replaceWith(this.overlay(view, over, times));
+      return said;
     }
     enlarged(view) {
       const errors = view.markers.filter((m) => m[7] !== null).map((m) => Math.hypot(m[5], m[6], m[7])).sort((a, b) => a - b);
@@ -307,9 +390,18 @@
   // ---- the page ---------------------------------------------------------------------------------------------------
 
   const sweeps = [...document.querySelectorAll("[data-sweep]")].map((section) => new Sweep(section));
+  /** All figures: as wide as paper is, or as the window. */
+  function redraw(onPaper) {
+    printing = onPaper;
+    sweeps.forEach((sweep) => [...sweep.plots, sweep.pictures].forEach((part) => {
+      part.dirty = true;
+      if (onPaper || part.seen) part.refresh();
+    }));
+  }
   window.addEventListener("beforeprint", () => {
     document.querySelectorAll("details").forEach((details) => { details.open = true; });
-    sweeps.forEach((sweep) => [...sweep.plots, sweep.pictures].forEach((part) => part.refresh()));
+    redraw(true);
   });
+  window.addEventListener("afterprint", () => redraw(false));
   document.documentElement.dataset.ready = String(Math.round(performance.now()));
 })();

@@ -1,0 +1,164 @@
+"""Leave a schedule's report: from the run itself, or again from its tables, the store and the cameras steered anew."""
+
+from __future__ import annotations
+
+import ast
+import json
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pss import Evaluation
+from pss.noise import Calibration
+from render import backend, glow
+from scenes import load_scene
+from scenes.schedule_file import load_schedule
+from validate.acquire import Acquisition, baked
+from validate.bank.study import scene_contenders
+from validate.hallway.own_strategy import own_strategy
+from validate.hallway.report.page import html_of_schedule, schedule_section
+from validate.hallway.report.steps import Different, different, steps_of_design
+from validate.hallway.report.tables import read_schedule
+from validate.hallway.results import ScheduleResult
+from validate.hallway.runs import limit_name, steered_runs
+from validate.hallway.stage import BOTH, stage_of
+from validate.hallway.study import MODELS, Design, design_of, predicted_at
+from validate.measure import ViewMeasurement, load_measurement
+from validate.report.files import REPORT
+from validate.report.images import pictures_of
+from validate.report.model_file import write_models
+from validate.store import Store, StoreError, write_text
+
+__all__ = ["ScheduleForReport", "of_schedule", "remade_schedule", "write_schedule_report"]
+
+# Of all pictures of the page, as text in it: plotly and the numbers take the rest of 15 MB.
+BUDGET_BYTES = 4_800_000
+# px; two views lie beside each other on the page.
+WIDEST_PX = 480
+
+
+@dataclass(frozen=True, eq=False)
+class ScheduleForReport:
+    """A schedule with what the tables do not have.
+
+    Attributes:
+        predictions: of each different step, the metric by noise model, at the markers of both avatars.
+        measured: the detections of every view.
+    """
+
+    design: Design
+    found: Different
+    predictions: tuple[Mapping[str, Evaluation], ...]
+    measured: Mapping[Acquisition, ViewMeasurement]
+    renderer: str
+
+
+def of_schedule(
+    result: ScheduleResult, measured: Mapping[Acquisition, ViewMeasurement], renderer: str
+) -> ScheduleForReport:
+    """What a run knows of itself: `result` is of both avatars."""
+    design = result.held.design
+    found = different(design)
+    predictions = tuple(result.held.steps[run][step].assessments[BOTH].predicted for run, step in found.places)
+    return ScheduleForReport(design, found, predictions, measured, renderer)
+
+
+def write_schedule_report(folder: Path, made: ScheduleForReport, store: Store) -> Path:
+    """Write `report.html` and `scene.glb` into a schedule's folder, from its tables; the report's path.
+
+    Raises:
+        StoreError: a table is missing or is of other runs, or the folder cannot be written.
+        DamagedViewError: a view is not in the store, or was found damaged and set aside.
+    """
+    design, found, table = made.design, made.found, read_schedule(folder)
+    runs = tuple((run.strategy, limit_name(run.zoom_limit)) for run in design.runs)
+    if table.runs != runs or len(table.y_m) != len(design.scenes):
+        raise StoreError(f"{folder}/configurations.csv has other runs than the schedule; run the schedule again")
+    steps = steps_of_design(design, found.places, made.predictions, made.measured)
+    section = schedule_section(table, found, design.schedule.said.title, design.stage.names, steps)
+    every = {sight.view_key for step in steps for sight in step.sights}
+    pictures = pictures_of(steps, section.crops, store, BUDGET_BYTES, WIDEST_PX)
+    about = {
+        "schedule": table.every.name,
+        "scene": design.stage.scene.path.name,
+        "different views": str(len(every)),
+        "trials of each view": str(design.schedule.said.trials),
+        "seed": str(design.schedule.said.seed),
+        "renderer": made.renderer,
+    }
+    path = folder / REPORT
+    write_text(path, html_of_schedule(section, table, pictures, about))
+    write_models(folder, [section])
+    return path
+
+
+def remade_schedule(folder: Path, said: Mapping[str, Any], store: Store) -> Path:
+    """The report of a finished schedule, made again: cameras are steered and PSS is predicted anew.
+
+    Args:
+        said: the folder's run.json.
+
+    Raises:
+        StoreError: its files have changed since, or the store lacks what it used.
+    """
+    options = said["options"]
+    outside = options["allow_outside"] == "True"
+    overrides = list(ast.literal_eval(options["overrides"]))
+    file = load_schedule(options["schedule"], overrides, allow_outside=outside)
+    scene_path = file.scene_path if options["scene"] == "None" else Path(options["scene"])
+    stage = stage_of(file, load_scene(scene_path, overrides, allow_outside=outside))
+    if _plain(file.resolved()) != said["schedule"] or _plain(stage.scene.resolved()) != said["scene"]:
+        raise StoreError(
+            f"{file.path} or {scene_path} has changed since the run in {folder}; allowed: the files that it was made "
+            "of, or a new run"
+        )
+    own = dict(own_strategy(each) for each in ast.literal_eval(options["strategy"]))
+    variant = None if options["variant"] == "None" else options["variant"]
+    chosen = backend.choose(variant)
+    design = design_of(file, stage, steered_runs(file, stage, own), chosen.identity).without(said["failed"])
+    found = different(design)
+    calibration = Calibration.from_file(folder / "calibrated.toml")
+    measured = _measured(design.wanted, store)
+    predictions = _predictions(design, found, calibration, store, chosen)
+    return write_schedule_report(
+        folder, ScheduleForReport(design, found, predictions, measured, chosen.identity), store
+    )
+
+
+def _plain(value: Any) -> Any:
+    """As it comes back from JSON."""
+    return json.loads(json.dumps(value))
+
+
+def _measured(wanted: Collection[Acquisition], store: Store) -> dict[Acquisition, ViewMeasurement]:
+    measured: dict[Acquisition, ViewMeasurement] = {}
+    for item in wanted:
+        if item in measured:
+            continue
+        task = item.task(store)
+        found = load_measurement(task) if store.fetch(task.path) else None
+        if found is None:
+            raise StoreError(
+                f"view {item.request.key} is not measured in the store {store.folder}; run the schedule again"
+            )
+        measured[item] = found
+    return measured
+
+
+def _predictions(
+    design: Design, found: Different, calibration: Calibration, store: Store, chosen: backend.Backend
+) -> tuple[Mapping[str, Evaluation], ...]:
+    """Those of each different step, at the markers of both avatars."""
+    markers, predictions = design.stage.groups[BOTH], []
+    for step, scene in enumerate(design.scenes):
+        cameras = [design.runs[run].steered.cameras[step] for run, at in found.places if at == step]
+        look = glow.appearance(scene.state, baked(scene.state, store, chosen))
+        contenders = [c for c in scene_contenders(scene, calibration) if c.name in MODELS]
+        of_models = {c.name: predicted_at(scene, cameras, c, look, markers) for c in contenders}
+        predictions += _by_step(of_models, len(cameras))
+    return tuple(predictions)
+
+
+def _by_step(of_models: Mapping[str, Sequence[Evaluation]], count: int) -> list[dict[str, Evaluation]]:
+    return [{name: evaluations[number] for name, evaluations in of_models.items()} for number in range(count)]
