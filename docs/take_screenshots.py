@@ -23,6 +23,7 @@ from validate.store import atomic_path
 
 FIGURES = Path(__file__).resolve().parent / "figures"
 REPORT = Path("results/zoom-focus-selection/report.html")
+HALLWAY = Path("results/hallway/report.html")
 COMPARISON = Path("results/compare/compare.html")
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 FLAGS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader", "--hide-scrollbars")
@@ -96,6 +97,20 @@ def of_comparison() -> None:
         browser.quit()
 
 
+def of_hallway() -> None:
+    """The scene in the middle of the walk; it is left as it is where there is no run of the hallway."""
+    if not HALLWAY.is_file():
+        print(f"{HALLWAY} is missing, and its picture is left as it is; `run_sweep.py schedule hallway` leaves it")
+        return
+    browser = opened(HALLWAY)
+    try:
+        slider = browser.find_element(By.CSS_SELECTOR, "[data-step]")
+        slider.send_keys(Keys.HOME, *[Keys.ARROW_RIGHT] * 8)
+        take(browser, "[data-figure=scene]", "report-hallway")
+    finally:
+        browser.quit()
+
+
 def of_report() -> None:
     """Every picture of the report, in the page's order."""
     browser = opened(REPORT)
@@ -121,4 +136,5 @@ def of_report() -> None:
 
 if __name__ == "__main__":
     of_report()
+    of_hallway()
     of_comparison()

@@ -6,6 +6,7 @@ import csv
 import json
 import math
 import re
+import shutil
 from html.parser import HTMLParser
 from itertools import pairwise
 from types import SimpleNamespace
@@ -35,6 +36,7 @@ from validate.report.style import PURPLE_ORANGE, model_style, object_styles
 from validate.report.traces import combinations, filled, only_changes, plain
 from validate.report.verdict import in_words, verdicts
 from validate.store import StoreError
+from validate.tables import write_csv
 
 # Numbers of a table have seven digits.
 SAME_DIGITS = 2e-6
@@ -366,3 +368,11 @@ def test_a_folder_that_no_run_has_left_is_refused(made, tmp_path):
         remade(made.out)
     with pytest.raises(StoreError, match=r"configurations\.csv"):
         read_sweeps(tmp_path)
+
+
+def test_a_run_of_an_older_version_is_to_be_run_again(made, tmp_path):
+    older = shutil.copytree(made.out, tmp_path / "older")
+    of = [{k: v for k, v in row.items() if k != "budget_detector"} for row in rows(made, "configurations")]
+    write_csv(older / "configurations.csv", of)
+    with pytest.raises(StoreError, match="older version, without budget_detector; run it again"):
+        read_sweeps(older)

@@ -17,6 +17,7 @@ __all__ = ["KINDS", "MM", "Curve", "Kind", "SweepTable", "needed_tables", "read_
 Floats = NDArray[np.float64]
 
 NEEDED = ("configurations", "points", "correlation", "claims", "detection", "views")
+NEEDED_COLUMNS = tuple(f"budget_{name}" for name in ("visibility", "noise_model", "detector", "geometry"))
 MM = 1000.0
 
 
@@ -181,12 +182,18 @@ def needed_tables(folder: Path, names: Sequence[str]) -> dict[str, list[dict[str
     """The CSV files of a run's folder, by name.
 
     Raises:
-        StoreError: one of those named is missing.
+        StoreError: one of those named is missing, or one of their columns.
     """
     tables = read_tables(folder)
     missing = [f"{name}.csv" for name in names if name not in tables]
     if missing:
         raise StoreError(f"{folder} has no {', '.join(missing)}; allowed is a folder that a run has left")
+    head = next(iter(tables["configurations"]), {})
+    lacking = [name for name in NEEDED_COLUMNS if head and name not in head]
+    if lacking:
+        raise StoreError(
+            f"{folder}/configurations.csv is of an older version, without {', '.join(lacking)}; run it again"
+        )
     return tables
 
 
