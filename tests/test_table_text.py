@@ -9,7 +9,7 @@ import math
 import pytest
 
 from pss import RangeError
-from validate.table_text import table_text
+from validate.table_text import table_text, written
 
 ROWS = [
     {"name": "a|b & 50 %", "value": 1234.56789, "count": 3, "none": math.nan},
@@ -44,3 +44,10 @@ def test_no_rows_and_unknown_kinds():
     assert table_text([], "tex") == ""
     with pytest.raises(RangeError, match="html"):
         table_text(ROWS, "html")
+
+
+def test_numbers_for_a_reader_have_no_small_powers_of_ten():
+    assert [written(value, 3) for value in (0.039712, 7.6, 999.6, 1000.4, 39712.0, 2.5e6)] == (
+        ["0.0397", "7.6", "1,000", "1,000", "39,700", "2.5e+06"]
+    )
+    assert written(float("nan"), 3) == "nan"

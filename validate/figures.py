@@ -25,6 +25,7 @@ from validate.intervals import interval
 from validate.slopes import Slopes, slopes_of
 from validate.store import Store, atomic_path
 from validate.sweep import SweepResult
+from validate.table_text import written
 
 __all__ = ["all_drawn", "draw_all", "draw_curves", "points_figure", "source_of", "sweep_figure"]
 
@@ -160,13 +161,8 @@ def _slopes(axes: Axes, result: SweepResult, found: Slopes) -> None:
 def _curve(axes: Axes, x: NDArray[np.generic], pss: Floats, colour: str, style: str, name: str) -> None:
     best = int(np.argmax(pss))
     scale = pss[best] or 1.0
-    axes.plot(x, pss / scale, style, color=colour, ms=4, lw=1.5, label=f"{name} (max {_counted(scale)} /m)")
+    axes.plot(x, pss / scale, style, color=colour, ms=4, lw=1.5, label=f"{name} (max {written(scale, 3)} /m)")
     axes.plot(x[best], 1.0, "*", color=colour, ms=15, mec="white", zorder=5)
-
-
-def _counted(pss: float) -> str:
-    """Three digits, and no powers of ten: 39,700."""
-    return f"{float(f'{pss:.3g}'):,g}" if pss < 1e6 else f"{pss:.3g}"
 
 
 def points_figure(result: SweepResult) -> Figure:

@@ -11,7 +11,7 @@ import numpy as np
 
 from pss import RangeError
 
-__all__ = ["TABLE_KINDS", "table_text"]
+__all__ = ["TABLE_KINDS", "table_text", "written"]
 
 TABLE_KINDS = ("csv", "md", "tex")
 """Comma-separated values, Markdown, LaTeX (tabular with booktabs' rules)."""
@@ -30,6 +30,12 @@ TEX_SIGNS = {
     "−": r"$-$",
     "×": r"$\times$",
 }
+
+
+def written(value: float, digits: int) -> str:
+    """A number to so many digits for a reader: 0.0397, 39,700, and powers of ten from a million on."""
+    rounded = float(f"{value:.{digits}g}")
+    return f"{rounded:,.0f}" if 1000 <= abs(rounded) < 1e6 else f"{value:.{digits}g}"
 
 
 def table_text(rows: Sequence[Mapping[str, object]], kind: str) -> str:

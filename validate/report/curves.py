@@ -61,7 +61,7 @@ def curves_figure(table: SweepTable) -> Figure:
                 "when": pss,
                 "y": ref("curve|{kind}|" + model),
                 "customdata": ref("pss|{kind}|" + model),
-                "hovertemplate": "%{customdata:.4g} /m, %{y:.2f} of its maximum",
+                "hovertemplate": "%{customdata:,.4r} /m, %{y:.2f} of its maximum",
             }
         )
         traces.append(style | {"when": rms, "y": ref("rms|" + model), "hovertemplate": "%{y:.3g} mm"})
@@ -79,7 +79,7 @@ def curves_figure(table: SweepTable) -> Figure:
             "when": pss,
             "y": ref("curve|{kind}|measured"),
             "customdata": ref("pss|{kind}|measured"),
-            "hovertemplate": "%{customdata:.4g} /m, %{y:.2f} of its maximum",
+            "hovertemplate": "%{customdata:,.4r} /m, %{y:.2f} of its maximum",
         }
     )
     traces.append(measured | {"when": rms, "y": ref("rms|measured"), "hovertemplate": "%{y:.3g} mm"})

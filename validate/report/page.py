@@ -16,6 +16,7 @@ from validate.report.images import LAYERS, MOST_BLUR_PX, Crop, Pictures, chosen_
 from validate.report.scene3d import GROUPS, Group
 from validate.report.steps import Step
 from validate.report.traces import Choice, Columns, Figure, only_changes
+from validate.table_text import written
 
 __all__ = ["KIND_CHOICE", "Courses", "Section", "html_of", "joined_columns", "page_of", "section_of", "words_of"]
 
@@ -188,9 +189,11 @@ def _step_rows(table: SweepTable) -> list[dict[str, Any]]:
         {
             "label": label,
             "cameras": " ".join(table.camera_names[n]),
-            "predicted": [f"{table.predicted_pss(model, single).values[n]:.4g}" for model in table.models],
-            "measured": f"{measured.values[n]:.4g} [{measured.low[n]:.4g}, {measured.high[n]:.4g}]",
-            "filter": f"{table.measured_pss(KINDS[1]).values[n]:.4g}",
+            "predicted": [written(table.predicted_pss(model, single).values[n], 4) for model in table.models],
+            "measured": "{} [{}, {}]".format(
+                *(written(v[n], 4) for v in (measured.values, measured.low, measured.high))
+            ),
+            "filter": written(table.measured_pss(KINDS[1]).values[n], 4),
             "points": f"{columns['detected'][n]:.0f} of {columns['points'][n]:.0f}",
             "rms": f"{columns['measured_rms_m'][n] * MM:.3g}",
         }

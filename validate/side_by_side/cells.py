@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 
+from validate.table_text import written
+
 __all__ = ["cell", "cells", "value_text"]
 
 Row = Mapping[str, object]
@@ -29,5 +31,7 @@ def value_text(values: Sequence[float]) -> str:
     """A value, or a value with the limits of its interval, to three digits; "" for nan."""
     if math.isnan(values[0]):
         return ""
-    interval = "" if len(values) < 3 or math.isnan(values[1]) else f" [{values[1]:.3g}, {values[2]:.3g}]"
-    return f"{values[0]:.3g}{interval}"
+    interval = (
+        "" if len(values) < 3 or math.isnan(values[1]) else f" [{written(values[1], 3)}, {written(values[2], 3)}]"
+    )
+    return written(values[0], 3) + interval

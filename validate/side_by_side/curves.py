@@ -139,7 +139,7 @@ def _drawn(base: dict[str, Any], number: int, what: str, stem: str) -> dict[str,
     made = base | {
         "y": ref(f"curve{number}|{what}|{stem}"),
         "customdata": ref(f"value{number}|{what}|{stem}"),
-        "hovertemplate": "%{text}: %{customdata:.4g} %{meta}",
+        "hovertemplate": "%{text}: %{customdata:,.4r} %{meta}",
         "meta": ref("unit|{pair}"),
         "showlegend": ref(f"shown{number}|{what}|{stem}"),
     }

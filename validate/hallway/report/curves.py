@@ -29,7 +29,7 @@ def walk_figure(table: ScheduleTable, first_avatar: str, second_avatar: str) -> 
     """PSS over the steps of the walk for the chosen strategy, or for all of them."""
     chosen = {"shown": "chosen"}
     x = ref("x|{axis}")
-    hover = "%{customdata:.4g} /m<extra>%{fullData.name}</extra>"
+    hover = "%{customdata:,.4r} /m<extra>%{fullData.name}</extra>"
     traces: list[dict[str, Any]] = [
         {
             "when": chosen,

@@ -17,6 +17,7 @@ from validate.report.scene3d import Group
 from validate.report.steps import Step
 from validate.report.traces import Choice
 from validate.report.verdict import claims
+from validate.table_text import written
 
 __all__ = ["html_of_schedule", "schedule_section"]
 
@@ -117,10 +118,11 @@ def _step_rows(table: ScheduleTable) -> list[dict[str, Any]]:
     for number, (strategy, limit) in enumerate(table.runs):
         rows = []
         for step, y in enumerate(table.y_m):
-            cells = [f"{predicted[model, kind.name][number, step]:.4g}" for kind in KINDS for model in models]
+            cells = [written(predicted[model, kind.name][number, step], 4) for kind in KINDS for model in models]
             ranges = []
             for value, low, high in ((part[number, step] for part in parts) for parts in measured):
-                ranges.append(f"{value:.4g} [{low:.4g}, {high:.4g}]" if low == low else f"{value:.4g}")
+                interval = f" [{written(low, 4)}, {written(high, 4)}]" if low == low else ""
+                ranges.append(written(value, 4) + interval)
             rows.append(
                 {
                     "label": f"{label_of(y)}, {table.time_s[step]:.1f} s",
