@@ -30,7 +30,7 @@ FLAGS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--enable-unsafe-swi
 # Of the window; a page's text is 1,200 wide.
 WIDTH_PX, HEIGHT_PX = 1240, 1700
 # A screenshot's text and lines have few colours.
-COLOURS = 192
+COLOURS = 256
 PATIENCE_S = 60
 SHOWN = "#zoom"
 
@@ -84,7 +84,7 @@ def take(browser: webdriver.Chrome, selectors: str, name: str) -> None:
     shot = browser.execute_cdp_cmd("Page.captureScreenshot", {"clip": clip, "captureBeyondViewport": True})["data"]
     picture = Image.open(io.BytesIO(base64.b64decode(shot))).convert("RGB")
     with atomic_path(FIGURES / f"{name}.png") as temporary:
-        picture.quantize(COLOURS, dither=Image.Dither.NONE).save(temporary, format="png", optimize=True)
+        picture.quantize(COLOURS, kmeans=4, dither=Image.Dither.NONE).save(temporary, format="png", optimize=True)
 
 
 def of_comparison() -> None:
