@@ -2,38 +2,31 @@
 
 from __future__ import annotations
 
-import json
-
 import pytest
 
 from tests.made_up_schedule import STEPS, made_up_schedule
-from tests.test_report_browser import (
-    BROWSER,
-    DRIVER,
-    FLAGS,
-    MOST_BYTES,
-    NO_ERRORS_OF_OURS,
+
+pytest.importorskip("selenium", reason="selenium is not installed")
+
+from selenium.webdriver.common.by import By  # only where it is installed
+from selenium.webdriver.common.keys import Keys
+from selenium.webdriver.support.ui import Select
+
+from tests.browsing import (
+    NEEDS_BROWSER,
     PHONE,
+    asked_elsewhere,
     drawn,
+    errors,
+    opened,
+    ready_ms,
     shown,
     until,
 )
 
-selenium = pytest.importorskip("selenium", reason="selenium is not installed")
+pytestmark = NEEDS_BROWSER
 
-from selenium import webdriver  # noqa: E402  # only where it is installed
-from selenium.webdriver.chrome.service import Service  # noqa: E402
-from selenium.webdriver.common.by import By  # noqa: E402
-from selenium.webdriver.common.keys import Keys  # noqa: E402
-from selenium.webdriver.support.ui import Select  # noqa: E402
-
-pytestmark = [
-    pytest.mark.acceptance,
-    pytest.mark.skipif(
-        not BROWSER or not DRIVER, reason="no chromium with chromedriver (apt-get install chromium-driver)"
-    ),
-]
-
+MOST_BYTES = 15_000_000
 FIGURES = ("walk", "ranking", "agreement", "points", "budget", "scene")
 SCENE = "[data-figure=scene] .plot"
 # Where the first avatar's body is drawn, and what the scene is said to show.
@@ -50,15 +43,8 @@ def report(tmp_path_factory):
 @pytest.fixture(scope="module")
 def browser(report):
     """Chromium with the report open, for a reader who wants no motion."""
-    options = webdriver.ChromeOptions()
-    for flag in (*FLAGS, "--force-prefers-reduced-motion"):
-        options.add_argument(flag)
-    options.binary_location = BROWSER
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    driver = webdriver.Chrome(options=options, service=Service(DRIVER))
-    driver.get(report.as_uri())
-    yield driver
-    driver.quit()
+    with opened(report, "--force-prefers-reduced-motion") as driver:
+        yield driver
 
 
 def label(browser):
@@ -77,23 +63,15 @@ def at_start(browser):
 
 
 def test_it_opens_soon_is_small_and_draws_all_without_an_error_or_the_network(browser, report):
-    ready = browser.execute_script("return Number(document.documentElement.dataset.ready)")
+    ready = ready_ms(browser)
     size = report.stat().st_size
     print(f"\nreport of {size:,} bytes, interactive after {ready / 1000:.1f} s on this machine as busy as it is")
     assert size <= MOST_BYTES
     assert ready > 0
     for name in FIGURES:
         drawn(browser, f"[data-figure={name}] .plot")
-    wrong = [
-        entry
-        for entry in browser.get_log("browser")
-        if entry["level"] in ("SEVERE", "WARNING") and not any(word in entry["message"] for word in NO_ERRORS_OF_OURS)
-    ]
-    assert not wrong, wrong
-    events = [json.loads(entry["message"])["message"] for entry in browser.get_log("performance")]
-    asked = [e["params"]["request"]["url"] for e in events if e["method"] == "Network.requestWillBeSent"]
-    assert report.as_uri() in asked
-    assert not [url for url in asked if not url.startswith((report.as_uri(), "data:", "blob:"))]
+    assert not errors(browser)
+    assert not asked_elsewhere(browser, report)
 
 
 def test_it_does_not_play_by_itself(browser):

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import base64
-import json
 import re
-import shutil
 import time
 
 import cv2
@@ -15,41 +13,31 @@ import pytest
 from tests.made_up_run import made_up_run
 from tests.test_sweep_run import SCENE, SELECTION, SWEEP
 
-selenium = pytest.importorskip("selenium", reason="selenium is not installed")
+pytest.importorskip("selenium", reason="selenium is not installed")
 
-from selenium import webdriver  # noqa: E402  # only where it is installed
-from selenium.webdriver.chrome.service import Service  # noqa: E402
-from selenium.webdriver.common.by import By  # noqa: E402
-from selenium.webdriver.common.keys import Keys  # noqa: E402
-from selenium.webdriver.support.ui import Select, WebDriverWait  # noqa: E402
+from selenium.webdriver.common.by import By  # only where it is installed
+from selenium.webdriver.common.keys import Keys
+from selenium.webdriver.support.ui import Select
 
-BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-DRIVER = shutil.which("chromedriver")
-pytestmark = [
-    pytest.mark.acceptance,
-    pytest.mark.skipif(
-        not BROWSER or not DRIVER, reason="no chromium with chromedriver (apt-get install chromium-driver)"
-    ),
-]
+from tests.browsing import (
+    NEEDS_BROWSER,
+    PHONE,
+    asked_elsewhere,
+    drawn,
+    errors,
+    opened,
+    ready_ms,
+    shown,
+    until,
+)
 
-# s, for a figure to be drawn by a processor that does the graphics card's work, on a busy machine.
-PATIENCE = 120
+pytestmark = NEEDS_BROWSER
+
 # Levels of 255 that an eye would see, and the share of a figure's pixels that a thin line covers at least.
 VISIBLE_LEVELS, LEAST_CHANGE = 12, 5e-4
 # s, for what is drawn to be on the screen.
 SETTLED_S = 2.5
 MOST_BYTES = 15_000_000
-PHONE = {"width": 400, "height": 800, "deviceScaleFactor": 1, "mobile": True}
-FLAGS = (
-    "--headless=new",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--enable-unsafe-swiftshader",
-    "--disable-background-networking",
-    "--window-size=1300,1000",
-)
-# Of the browser itself, on graphics without a card.
-NO_ERRORS_OF_OURS = ("GPU stall", "willReadFrequently", "swiftshader", "SwiftShader")
 
 
 @pytest.fixture(scope="module")
@@ -69,37 +57,12 @@ def screenshots(tmp_path_factory):
 @pytest.fixture(scope="module")
 def browser(report):
     """Chromium with the report open."""
-    options = webdriver.ChromeOptions()
-    for flag in FLAGS:
-        options.add_argument(flag)
-    options.binary_location = BROWSER
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    driver = webdriver.Chrome(options=options, service=Service(DRIVER))
-    driver.get(report.as_uri())
-    yield driver
-    driver.quit()
-
-
-def until(browser, condition):
-    return WebDriverWait(browser, PATIENCE).until(condition)
-
-
-def shown(browser, selector):
-    """Scroll to an element, as a reader does, and give it."""
-    element = browser.find_element(By.CSS_SELECTOR, selector)
-    browser.execute_script("arguments[0].scrollIntoView({block: 'center', behavior: 'instant'})", element)
-    return element
-
-
-def drawn(browser, selector):
-    """The same for a figure, once plotly has drawn it."""
-    element = shown(browser, selector)
-    until(browser, lambda d: d.execute_script("return !!arguments[0].querySelector('.main-svg')", element))
-    return element
+    with opened(report) as driver:
+        yield driver
 
 
 def test_it_opens_soon_and_is_small(browser, report):
-    ready = float(until(browser, lambda d: d.execute_script("return document.documentElement.dataset.ready")))
+    ready = ready_ms(browser)
     size = report.stat().st_size
     print(f"\nreport of {size:,} bytes, interactive after {ready / 1000:.1f} s on this machine as busy as it is")
     assert size <= MOST_BYTES
@@ -112,17 +75,8 @@ def test_every_figure_is_drawn_without_an_error_and_without_the_network(browser,
     for section in ("zooming", "pairs"):
         for name in ("curves", "points", "leaderboard", "nees", "budget", "visibility", "scene"):
             drawn(browser, f"#{section} [data-figure={name}] .plot")
-    wrong = [
-        entry
-        for entry in browser.get_log("browser")
-        if entry["level"] in ("SEVERE", "WARNING") and not any(word in entry["message"] for word in NO_ERRORS_OF_OURS)
-    ]
-    assert not wrong, wrong
-    events = [json.loads(entry["message"])["message"] for entry in browser.get_log("performance")]
-    asked = [e["params"]["request"]["url"] for e in events if e["method"] == "Network.requestWillBeSent"]
-    elsewhere = [url for url in asked if not url.startswith((report.as_uri(), "data:", "blob:"))]
-    assert report.as_uri() in asked
-    assert not elsewhere, elsewhere
+    assert not errors(browser)
+    assert not asked_elsewhere(browser, report)
 
 
 def test_the_slider_moves_all_figures_and_pictures_by_keyboard(browser):

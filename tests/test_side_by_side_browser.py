@@ -3,38 +3,22 @@
 from __future__ import annotations
 
 import base64
-import json
 import time
 
 import pytest
 
-pytest.importorskip("selenium", reason="selenium is not installed")
-
-from selenium import webdriver  # only where it is installed
-from selenium.webdriver.chrome.service import Service
-from selenium.webdriver.common.keys import Keys
-from selenium.webdriver.support.ui import Select
-
-from tests.test_report_browser import (
-    BROWSER,
-    DRIVER,
-    FLAGS,
-    NO_ERRORS_OF_OURS,
-    PHONE,
-    drawn,
-    shown,
-    until,
-)
 from tests.test_side_by_side_page import LONG, a_run
 from validate.side_by_side.page import write_page
 from validate.side_by_side.runs import sides_of
 
-pytestmark = [
-    pytest.mark.acceptance,
-    pytest.mark.skipif(
-        not BROWSER or not DRIVER, reason="no chromium with chromedriver (apt-get install chromium-driver)"
-    ),
-]
+pytest.importorskip("selenium", reason="selenium is not installed")
+
+from selenium.webdriver.common.keys import Keys  # only where it is installed
+from selenium.webdriver.support.ui import Select
+
+from tests.browsing import NEEDS_BROWSER, PHONE, asked_elsewhere, drawn, errors, opened, shown, until
+
+pytestmark = NEEDS_BROWSER
 
 SECTION = "#group-zoom"
 
@@ -50,15 +34,8 @@ def compared(tmp_path_factory):
 @pytest.fixture(scope="module")
 def browser(compared):
     """Chromium with the page open."""
-    options = webdriver.ChromeOptions()
-    for flag in FLAGS:
-        options.add_argument(flag)
-    options.binary_location = BROWSER
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    driver = webdriver.Chrome(options=options, service=Service(DRIVER))
-    driver.get(compared.as_uri())
-    yield driver
-    driver.quit()
+    with opened(compared) as driver:
+        yield driver
 
 
 def test_every_figure_is_drawn_without_an_error_and_without_the_network(browser, compared):
@@ -69,16 +46,8 @@ def test_every_figure_is_drawn_without_an_error_and_without_the_network(browser,
     ):
         drawn(browser, f"{selector} .plot")
     drawn(browser, "#ranking [data-figure=correlation] .plot")
-    wrong = [
-        entry
-        for entry in browser.get_log("browser")
-        if entry["level"] in ("SEVERE", "WARNING") and not any(word in entry["message"] for word in NO_ERRORS_OF_OURS)
-    ]
-    assert not wrong, wrong
-    events = [json.loads(entry["message"])["message"] for entry in browser.get_log("performance")]
-    asked = [e["params"]["request"]["url"] for e in events if e["method"] == "Network.requestWillBeSent"]
-    assert compared.as_uri() in asked
-    assert not [url for url in asked if not url.startswith((compared.as_uri(), "data:", "blob:"))]
+    assert not errors(browser)
+    assert not asked_elsewhere(browser, compared)
 
 
 @pytest.mark.parametrize(

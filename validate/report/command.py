@@ -21,10 +21,10 @@ from scenes import load_scene, load_sweep
 from validate.acquire import Acquisition, baked
 from validate.assess import predict
 from validate.expose import with_exposures
-from validate.measure import ViewMeasurement, load_measurement
+from validate.measure import ViewMeasurement
 from validate.remote_store import open_store
 from validate.report.data import read_sweeps
-from validate.report.files import REPORT
+from validate.report.files import REPORT, stored_measurements
 from validate.report.images import pictures_of
 from validate.report.model_file import write_models
 from validate.report.page import Section, html_of, section_of
@@ -153,20 +153,11 @@ def _run_of(folder: Path) -> dict[str, Any]:
 
 
 def _from_store(made: Plan, labels: tuple[str, ...], store: Store, chosen: backend.Backend) -> SweepForReport:
-    measured: dict[Acquisition, ViewMeasurement] = {}
+    kept = [pair for pair in zip(made.configurations, made.views, strict=True) if pair[0].label in labels]
+    measured = stored_measurements((item for _, wanted in kept for item in wanted), store)
     predictions = []
     looks: dict[str, Any] = {}
-    for configuration, wanted in zip(made.configurations, made.views, strict=True):
-        if configuration.label not in labels:
-            continue
-        for item in wanted:
-            task = item.task(store)
-            found = load_measurement(task) if store.fetch(task.path) else None
-            if found is None:
-                raise StoreError(
-                    f"view {item.request.key} is not measured in the store {store.folder}; run the sweep again"
-                )
-            measured[item] = found
+    for configuration, _ in kept:
         state = configuration.scene.state
         key = state_key(state)
         if key not in looks:

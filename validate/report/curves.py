@@ -8,7 +8,7 @@ import numpy as np
 
 from validate.figures import AXIS_NAMES
 from validate.report.data import KINDS, MM, SweepTable
-from validate.report.style import GREY, INK, layout, model_style
+from validate.report.style import INK, layout, line_at, model_style
 from validate.report.traces import Choice, Columns, Figure, plain, ref
 
 __all__ = ["curves_figure", "place", "step_axis"]
@@ -95,16 +95,6 @@ def curves_figure(table: SweepTable) -> Figure:
             "marker": {"symbol": "star", "size": 15, "color": "white", "line": {"color": INK, "width": 1.3}},
         }
     )
-    now = {
-        "type": "line",
-        "xref": "x",
-        "yref": "paper",
-        "x0": ref("now"),
-        "x1": ref("now"),
-        "y0": 0,
-        "y1": 1,
-        "line": {"color": GREY, "width": 1.5, "dash": "dot"},
-    }
     return Figure(
         "curves",
         "What was predicted, and what was measured",
@@ -120,7 +110,7 @@ def curves_figure(table: SweepTable) -> Figure:
         layout(
             step_axis(table),
             {"title": {"text": ref("y_title|{quantity}")}, "type": ref("y_type|{quantity}"), "rangemode": "tozero"},
-            shapes=[now],
+            shapes=[line_at(ref("now"))],
             hovermode="x unified",
         ),
         (Choice("quantity", "Quantity", (("pss", "PSS"), ("rms", "RMS error"))),),

@@ -32,7 +32,7 @@ def rendered(package: str, name: str, data: Any, **words: Any) -> str:
 
     return environment.get_template(f"{name}.html.j2").render(
         css=text("report.css") + text(f"{name}.css"),
-        script=text(f"{name}.js"),
+        script=text("figures.js") + text(f"{name}.js"),
         plotly=plotly.offline.get_plotlyjs(),
         data=json_in_page(data),
         **words,

@@ -124,8 +124,10 @@ def page_of(
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("validate.report"), autoescape=True, undefined=jinja2.StrictUndefined
     )
-    source, _, _ = environment.loader.get_source(environment, "report.css")  # type: ignore[union-attr]
-    script, _, _ = environment.loader.get_source(environment, "report.js")  # type: ignore[union-attr]
+    style, shared, own_script = (
+        environment.loader.get_source(environment, file)[0]  # type: ignore[union-attr]
+        for file in ("report.css", "figures.js", "report.js")
+    )
     uris = iter(pictures.crops)
     crops = [[(crop, next(uris)) for crop in section.crops] for section in sections]
     return environment.get_template(template).render(
@@ -137,8 +139,8 @@ def page_of(
         most_blur_px=MOST_BLUR_PX,
         picture_width_px=pictures.width_px,
         about=about,
-        css=source,
-        script=script,
+        css=style,
+        script=shared + own_script,
         plotly=plotly.offline.get_plotlyjs(),
         data=json_in_page({"sweeps": [_data(section) for section in sections], "views": _views(sections, pictures)}),
         **more,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from validate.report.curves import place, step_axis
 from validate.report.data import SweepTable
-from validate.report.style import GREY, INK, layout, model_style
+from validate.report.style import GREY, INK, layout, line_at, model_style
 from validate.report.traces import Choice, Columns, Figure, plain, ref
 
 __all__ = ["leaderboard_figure", "nees_figure"]
@@ -165,16 +165,6 @@ def nees_figure(table: SweepTable) -> Figure:
             }
         )
     right = {"type": "line", "xref": "paper", "x0": 0, "x1": 1, "y0": 1, "y1": 1, "line": {"color": GREY, "width": 1}}
-    now = {
-        "type": "line",
-        "xref": "x",
-        "yref": "paper",
-        "x0": ref("now"),
-        "x1": ref("now"),
-        "y0": 0,
-        "y1": 1,
-        "line": {"color": GREY, "width": 1.5, "dash": "dot"},
-    }
     own = table.nees_share(None)
     return Figure(
         "nees",
@@ -188,7 +178,7 @@ def nees_figure(table: SweepTable) -> Figure:
         layout(
             step_axis(table),
             {"type": "log", "title": {"text": "NEES / 3"}, "nticks": 8, "exponentformat": "power"},
-            shapes=[right, now],
+            shapes=[right, line_at(ref("now"))],
             hovermode="x unified",
         ),
         (),

@@ -10,6 +10,7 @@ __all__ = [
     "PURPLE_ORANGE",
     "SCALE",
     "layout",
+    "line_at",
     "model_style",
     "object_styles",
 ]
@@ -34,6 +35,12 @@ def object_styles(objects: tuple[str, ...]) -> dict[str, tuple[str, str]]:
     """Colour and symbol of each object that carries markers."""
     names = list(dict.fromkeys(objects))
     return {name: (COLOURS[n % len(COLOURS)], ("circle", *SYMBOLS)[n % 7]) for n, name in enumerate(names)}
+
+
+def line_at(x: Any) -> dict[str, Any]:
+    """Plotly's shape of an upright dotted line at `x`: the step that the slider shows."""
+    where = {"xref": "x", "yref": "paper", "x0": x, "x1": x, "y0": 0, "y1": 1}
+    return {"type": "line", **where, "line": {"color": GREY, "width": 1.5, "dash": "dot"}}
 
 
 def layout(x: dict[str, Any], y: dict[str, Any], **more: Any) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from validate.hallway.report.tables import ScheduleTable
 from validate.report.data import KINDS, Kind
-from validate.report.style import GREY, INK, layout, model_style
+from validate.report.style import INK, layout, line_at, model_style
 from validate.report.traces import Choice, Columns, Figure, plain, ref
 
 __all__ = ["walk_columns", "walk_figure"]
@@ -85,16 +85,6 @@ def walk_figure(table: ScheduleTable, first_avatar: str, second_avatar: str) -> 
                     "marker": {"color": colour, "symbol": symbol, "size": 7},
                 }
             )
-    now = {
-        "type": "line",
-        "xref": "x",
-        "yref": "paper",
-        "x0": ref("now|{axis}"),
-        "x1": ref("now|{axis}"),
-        "y0": 0,
-        "y1": 1,
-        "line": {"color": GREY, "width": 1.5, "dash": "dot"},
-    }
     return Figure(
         "walk",
         "PSS along the walk",
@@ -110,7 +100,7 @@ def walk_figure(table: ScheduleTable, first_avatar: str, second_avatar: str) -> 
         layout(
             {"title": {"text": ref("x_title|{axis}")}},
             {"title": {"text": ref("y_title|{scale}|{kind}")}, "rangemode": "tozero"},
-            shapes=[now],
+            shapes=[line_at(ref("now|{axis}"))],
             hovermode="x unified",
         ),
         (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 import json
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,8 +24,8 @@ from validate.hallway.results import ScheduleResult
 from validate.hallway.runs import limit_name, steered_runs
 from validate.hallway.stage import BOTH, stage_of
 from validate.hallway.study import MODELS, Design, design_of, predicted_at
-from validate.measure import ViewMeasurement, load_measurement
-from validate.report.files import REPORT
+from validate.measure import ViewMeasurement
+from validate.report.files import REPORT, stored_measurements
 from validate.report.images import pictures_of
 from validate.report.model_file import write_models
 from validate.store import Store, StoreError, write_text
@@ -119,7 +119,7 @@ def remade_schedule(folder: Path, said: Mapping[str, Any], store: Store) -> Path
     design = design_of(file, stage, steered_runs(file, stage, own), chosen.identity).without(said["failed"])
     found = different(design)
     calibration = Calibration.from_file(folder / "calibrated.toml")
-    measured = _measured(design.wanted, store)
+    measured = stored_measurements(design.wanted, store)
     predictions = _predictions(design, found, calibration, store, chosen)
     return write_schedule_report(
         folder, ScheduleForReport(design, found, predictions, measured, chosen.identity), store
@@ -129,21 +129,6 @@ def remade_schedule(folder: Path, said: Mapping[str, Any], store: Store) -> Path
 def _plain(value: Any) -> Any:
     """As it comes back from JSON."""
     return json.loads(json.dumps(value))
-
-
-def _measured(wanted: Collection[Acquisition], store: Store) -> dict[Acquisition, ViewMeasurement]:
-    measured: dict[Acquisition, ViewMeasurement] = {}
-    for item in wanted:
-        if item in measured:
-            continue
-        task = item.task(store)
-        found = load_measurement(task) if store.fetch(task.path) else None
-        if found is None:
-            raise StoreError(
-                f"view {item.request.key} is not measured in the store {store.folder}; run the schedule again"
-            )
-        measured[item] = found
-    return measured
 
 
 def _predictions(

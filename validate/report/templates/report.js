@@ -1,10 +1,7 @@
 "use strict";
 (() => {
   const data = JSON.parse(document.getElementById("data").textContent);
-  const NARROW_PX = 520;
-  // Within the margins of A4 and of letter paper.
-  const PRINTED_PX = 700;
-  let printing = false;
+  const { Place, drawForPaper, filled, watcher } = Figures;
   // Three degrees of freedom, 95 %: the ellipsoid's half axes in standard deviations.
   const ELLIPSOID = 2.7955;
   const ELLIPSOID_M = 0.6;
@@ -20,13 +17,6 @@
     if (name in figure.columns) return figure.columns[name];
     for (let i = step; i >= 0; i--) if (name in sweep.steps[i]) return sweep.steps[i][name];
     throw new Error("no column " + name);
-  }
-
-  function filled(value, look, chosen) {
-    if (Array.isArray(value)) return value.length && typeof value[0] === "object" ? value.map((v) => filled(v, look, chosen)) : value;
-    if (value === null || typeof value !== "object") return value;
-    if ("$" in value) return look(value.$.replace(/\{(\w+)\}/g, (_, name) => chosen[name]));
-    return Object.fromEntries(Object.entries(value).map(([key, item]) => [key, filled(item, look, chosen)]));
   }
 
   // ---- one sweep --------------------------------------------------------------------------------------------------
@@ -104,34 +94,12 @@
 
   // ---- figures ----------------------------------------------------------------------------------------------------
 
-  const watcher = new IntersectionObserver((entries) => entries.forEach((entry) => {
-    entry.target.owner.seen = entry.isIntersecting;
-    if (entry.isIntersecting) entry.target.owner.refresh();
-  }), { rootMargin: "300px" });
-
-  class Plot {
+  class Plot extends Place {
     constructor(sweep, figure) {
+      super(sweep.section, figure);
       this.sweep = sweep;
-      this.figure = figure;
-      this.root = sweep.section.querySelector(`[data-figure="${figure.id}"]`);
-      this.div = this.root.querySelector(".plot");
-      this.own = {};
-      this.dirty = true;
       this.drawn = false;
-      this.root.querySelectorAll(`select[data-scope="${figure.id}"]`).forEach((select) => {
-        this.own[select.dataset.choice] = select.value;
-        select.addEventListener("change", () => { this.own[select.dataset.choice] = select.value; this.stale(); });
-      });
       if (figure.id === "scene") this.scene();
-      this.root.owner = this;
-      watcher.observe(this.root);
-      // A window that becomes narrow, or a phone that is turned.
-      new ResizeObserver(() => { if (this.drawnFor && this.drawnFor !== this.room()) this.stale(); }).observe(this.div);
-    }
-    /** What the form of a figure depends on: "paper", "wide", or how narrow. */
-    room() {
-      const width = this.div.clientWidth;
-      return printing ? "paper" : width < NARROW_PX ? `narrow ${Math.round(width / 20)}` : "wide";
     }
     scene() {
       this.layers = new Set();
@@ -148,13 +116,6 @@
       this.list.value = marker === null ? "" : String(marker);
       this.stale();
     }
-    stale() {
-      this.dirty = true;
-      if (this.seen && !this.waiting) {
-        this.waiting = true;
-        requestAnimationFrame(() => { this.waiting = false; this.refresh(); });
-      }
-    }
     refresh() {
       if (!this.dirty) return;
       this.dirty = false;
@@ -167,15 +128,11 @@
         .map(({ when, ...trace }) => filled(trace, look, chosen));
       const layout = filled(this.figure.layout, look, chosen);
       if (this.figure.id === "scene") traces = this.inSpace(traces, chosen);
-      const narrow = !printing && this.div.clientWidth < NARROW_PX;
-      this.drawnFor = this.room();
+      const { narrow } = this;
       layout.height = narrow ? Math.round(Math.min(this.figure.height, 1.05 * this.div.clientWidth + 60)) : this.figure.height;
-      this.div.style.minHeight = layout.height + "px";
-      layout.autosize = !printing;
-      if (printing) layout.width = Math.min(PRINTED_PX, this.div.clientWidth);
       if (narrow) this.forNarrow(layout, traces);
       try {
-        Plotly.react(this.div, traces, layout, this.figure.id === "scene" ? CONFIG_3D : CONFIG);
+        this.draw(traces, layout, this.figure.id === "scene" ? CONFIG_3D : CONFIG);
       } catch (error) {
         this.div.innerHTML = '<p class="nogl">This browser draws no 3D figures; the tables have the numbers.</p>';
       }
@@ -390,18 +347,6 @@
   // ---- the page ---------------------------------------------------------------------------------------------------
 
   const sweeps = [...document.querySelectorAll("[data-sweep]")].map((section) => new Sweep(section));
-  /** All figures: as wide as paper is, or as the window. */
-  function redraw(onPaper) {
-    printing = onPaper;
-    sweeps.forEach((sweep) => [...sweep.plots, sweep.pictures].forEach((part) => {
-      part.dirty = true;
-      if (onPaper || part.seen) part.refresh();
-    }));
-  }
-  window.addEventListener("beforeprint", () => {
-    document.querySelectorAll("details").forEach((details) => { details.open = true; });
-    redraw(true);
-  });
-  window.addEventListener("afterprint", () => redraw(false));
+  drawForPaper(() => sweeps.flatMap((sweep) => [...sweep.plots, sweep.pictures]));
   document.documentElement.dataset.ready = String(Math.round(performance.now()));
 })();
