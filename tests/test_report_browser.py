@@ -102,9 +102,15 @@ def test_the_slider_moves_all_figures_and_pictures_by_keyboard(browser):
 
 def pixels(browser, element, folder, name):
     """What an element looks like, (height, width, 3); kept as NAME.png in `folder`."""
-    path = folder / f"{name}.png"
-    path.write_bytes(element.screenshot_as_png)
-    return cv2.imread(str(path)).astype(int)
+
+    def whole(driver):
+        """A picture of all of it: what is drawn above it meanwhile moves it out of the window."""
+        driver.execute_script("arguments[0].scrollIntoView({block: 'center', behavior: 'instant'})", element)
+        (folder / f"{name}.png").write_bytes(element.screenshot_as_png)
+        picture = cv2.imread(str(folder / f"{name}.png"))
+        return [picture.astype(int)] if picture.shape[0] == round(element.size["height"]) else []
+
+    return until(browser, whole)[0]
 
 
 def changed(one, other):

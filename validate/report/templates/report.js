@@ -39,6 +39,9 @@
         });
       });
       this.slider.addEventListener("input", () => { this.pause(); this.go(Number(this.slider.value)); });
+      // Taken where it stands already: there is no input then.
+      this.slider.addEventListener("pointerdown", () => this.pause());
+      this.slider.addEventListener("keydown", (event) => { if (/^(Arrow|Home|End|Page)/.test(event.key)) this.pause(); });
       section.querySelectorAll("[data-go]").forEach((button) =>
         button.addEventListener("click", () => { this.pause(); this.go(this.place + Number(button.dataset.go)); }));
       this.button = section.querySelector("[data-play]");
@@ -62,7 +65,7 @@
     play() {
       this.playing = true;
       this.says("Pause", "off");
-      this.next();
+      this.next(this.turn = (this.turn || 0) + 1);
     }
     pause() {
       if (!this.playing) return;
@@ -70,13 +73,14 @@
       clearTimeout(this.timer);
       this.says("Play", "polite");
     }
-    next() {
-      if (!this.playing) return;
+    /** The next step of a turn of playing, unless it was paused, or paused and begun anew. */
+    next(turn) {
+      if (!this.playing || turn !== this.turn) return;
       this.go((this.place + 1) % this.data.labels.length);
       const due = performance.now() + 1000 / Number(this.speed.value);
       // Two frames on, what the step changed has been drawn: a slow machine plays slowly, and stays in hand.
       requestAnimationFrame(() => requestAnimationFrame(() => {
-        this.timer = setTimeout(() => this.next(), Math.max(0, due - performance.now()));
+        this.timer = setTimeout(() => this.next(turn), Math.max(0, due - performance.now()));
       }));
     }
     says(words, live) {
