@@ -12,6 +12,8 @@ import plotly.graph_objects as go
 import plotly.offline
 import pytest
 
+from scenes import load_scene
+from scenes.schedule_file import load_schedule
 from tests.made_up_schedule import STEPS, made_up_schedule
 from tests.test_report import SAME_DIGITS, Page
 from validate.hallway.report.page import schedule_section
@@ -238,11 +240,27 @@ def test_a_schedule_that_has_changed_since_is_refused(tmp_path):
         "scene": "None",
         "store": str(tmp_path),
         "overrides": "[]",
+        "strategy": "()",
         "allow_outside": "False",
     }
     (tmp_path / "run.json").write_text(json.dumps({"schedule": {}, "scene": {}, "options": options}))
     with pytest.raises(StoreError, match="has changed since"):
         remade(tmp_path)
+
+
+def test_a_strangers_folder_runs_no_file(tmp_path):
+    """What its run.json names is run only if the command names it too."""
+    (tmp_path / "theirs.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'w')\ndef mine(state): ...\n")
+    theirs = f"{tmp_path / 'theirs.py'}:mine"
+    schedule = load_schedule("hallway")
+    scene = load_scene(schedule.scene_path)
+    options = {"schedule": "hallway", "scene": "None", "store": str(tmp_path), "overrides": "[]", "variant": "None"}
+    options |= {"strategy": str((theirs,)), "allow_outside": "True"}
+    said = {"schedule": schedule.resolved(), "scene": scene.resolved(), "options": options, "failed": {}}
+    (tmp_path / "run.json").write_text(json.dumps(said))
+    with pytest.raises(StoreError, match=r"was made with --strategy .*theirs\.py:mine; allowed: the same again"):
+        remade(tmp_path)
+    assert not (tmp_path / "ran").exists()
 
 
 def test_tables_of_other_runs_are_refused(made, tmp_path):

@@ -102,8 +102,15 @@ def source_of_report(figures_drawn_from: str) -> str:
     return digest.hexdigest()[:24]
 
 
-def remade(folder: Path, store_name: str | None = None) -> Path:
+def remade(
+    folder: Path, store_name: str | None = None, strategy: Sequence[str] = (), allow_outside: bool = False
+) -> Path:
     """The report of a finished run, made again.
+
+    The folder may be a stranger's: what it says of files to run, or to look for outside their folder, is not followed.
+
+    Args:
+        strategy, allow_outside: as given to the run.
 
     Raises:
         StoreError: the folder is not that of a run, its files have changed since, or the store lacks what it used.
@@ -113,17 +120,18 @@ def remade(folder: Path, store_name: str | None = None) -> Path:
         # Imported late: it builds on this package.
         from validate.hallway.report.files import remade_schedule
 
-        return remade_schedule(folder, said, open_store(store_name or said["options"]["store"]))
+        return remade_schedule(
+            folder, said, open_store(store_name or said["options"]["store"]), strategy, allow_outside
+        )
     options = {name: None if value == "None" else value for name, value in said["options"].items()}
     store = open_store(store_name or options["store"])
     chosen = backend.choose(options["variant"])
     overrides = list(ast.literal_eval(options["set"]))
     overrides += [f"sweep.{name}={options[name]}" for name in ("trials", "seed") if options[name] is not None]
-    outside = options.get("allow_outside") == "True"
     loaded = []
     for name in ast.literal_eval(options["sweeps"]):
-        sweep = load_sweep(name, overrides, allow_outside=outside)
-        loaded.append((sweep, load_scene(options["scene"] or sweep.scene_path, overrides, allow_outside=outside)))
+        sweep = load_sweep(name, overrides, allow_outside=allow_outside)
+        loaded.append((sweep, load_scene(options["scene"] or sweep.scene_path, overrides, allow_outside=allow_outside)))
     sweeps = []
     tables = {table.name: table for table in read_sweeps(folder)}
     for sweep, scene in with_exposures(loaded, store, lambda line: None, lambda line: None, chosen):
@@ -170,14 +178,18 @@ def run(
     folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FOLDER")],
     /,
     store: Annotated[str | None, tyro.conf.arg(metavar="DIR")] = None,
+    strategy: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="FILE:FUNCTION")] = (),
+    allow_outside: bool = False,
 ) -> int:
     """Make report.html and scene.glb of a finished run again, from its CSV files and the store.
 
     Args:
         folder: results that `run_sweep.py SWEEP…` or `run_sweep.py schedule` has left.
         store: folder of rendered views and measurements (default: the run's own).
+        strategy: a schedule's strategies of one's own, as they were given to it: their files are run.
+        allow_outside: let files name others outside their folder (see "Files from others" in docs/scenes.md).
     """
-    print(remade(folder, store))
+    print(remade(folder, store, strategy, allow_outside))
     return 0
 
 

@@ -93,27 +93,33 @@ def write_schedule_report(folder: Path, made: ScheduleForReport, store: Store) -
     return path
 
 
-def remade_schedule(folder: Path, said: Mapping[str, Any], store: Store) -> Path:
+def remade_schedule(
+    folder: Path, said: Mapping[str, Any], store: Store, strategy: Sequence[str] = (), allow_outside: bool = False
+) -> Path:
     """The report of a finished schedule, made again: cameras are steered and PSS is predicted anew.
 
     Args:
         said: the folder's run.json.
+        strategy, allow_outside: as given to the run, and given again: what run.json names may be a stranger's file.
 
     Raises:
-        StoreError: its files have changed since, or the store lacks what it used.
+        StoreError: other strategies than the run's, its files have changed since, or the store lacks what it used.
     """
     options = said["options"]
-    outside = options["allow_outside"] == "True"
+    used = tuple(ast.literal_eval(options["strategy"]))
+    if tuple(strategy) != used:
+        wanted = " ".join(f"--strategy {each}" for each in used) or "no --strategy"
+        raise StoreError(f"{folder} was made with {wanted}; allowed: the same again, as such files are run")
     overrides = list(ast.literal_eval(options["overrides"]))
-    file = load_schedule(options["schedule"], overrides, allow_outside=outside)
+    file = load_schedule(options["schedule"], overrides, allow_outside=allow_outside)
     scene_path = file.scene_path if options["scene"] == "None" else Path(options["scene"])
-    stage = stage_of(file, load_scene(scene_path, overrides, allow_outside=outside))
+    stage = stage_of(file, load_scene(scene_path, overrides, allow_outside=allow_outside))
     if _plain(file.resolved()) != said["schedule"] or _plain(stage.scene.resolved()) != said["scene"]:
         raise StoreError(
             f"{file.path} or {scene_path} has changed since the run in {folder}; allowed: the files that it was made "
             "of, or a new run"
         )
-    own = dict(own_strategy(each) for each in ast.literal_eval(options["strategy"]))
+    own = dict(own_strategy(each) for each in strategy)
     variant = None if options["variant"] == "None" else options["variant"]
     chosen = backend.choose(variant)
     design = design_of(file, stage, steered_runs(file, stage, own), chosen.identity).without(said["failed"])
