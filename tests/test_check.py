@@ -6,6 +6,7 @@ import csv
 import dataclasses
 import io
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -23,7 +24,8 @@ from scenes import load_scene
 from validate.check import foreseen as module
 from validate.check.command import main, run
 from validate.check.estimated_light import estimated_irradiance
-from validate.check.foreseen import camera_rows, foresee, marker_rows, model_rows, warnings_of
+from validate.check.foreseen import camera_rows, foresee, headline, marker_rows, model_rows, warnings_of
+from validate.check.plan import plan_figure
 
 ROOT = Path(__file__).parents[1]
 # Of the light on markers: what is sent back is taken to be even, and objects to send nothing. Measured medians:
@@ -155,6 +157,21 @@ def test_an_exposure_that_is_to_be_chosen_is_chosen():
     found = foresee(bench('sensor.exposure_ms="auto"', "sensor.longest_exposure_ms=10000.0"))
     assert found.white_share[found.visible].max() <= 0.7
     assert found.scene.auto_exposure is None
+
+
+def test_the_title_follows_the_error():
+    """Four times the light halves the error where shot noise rules: so must the title's number of mm, and its PSS."""
+    dim, bright = (foresee(bench(f"sensor.exposure_ms={ms}")) for ms in (4.0, 16.0))
+    titles = [plan_figure(each).get_suptitle() for each in (dim, bright)]
+    assert [title.split(": ", 1)[1].replace("\n", "; ") for title in titles] == [headline(dim), headline(bright)]
+    pss, error = (
+        [float(re.search(rf"{what} (\S+)", title)[1].replace(",", "")) for title in titles] for what in ("PSS", "error")
+    )
+    # Noise falls by 2 to 4: shot noise as the root of the light, read noise as the light itself.
+    assert 1.8 < pss[1] / pss[0] < 4
+    assert 1.8 < error[0] / error[1] < 4
+    found = sum(row["likely_found_by"] >= 2 for row in marker_rows(dim))
+    assert f"found by two cameras and more: {found} of {len(marker_rows(dim))} markers" in titles[0]
 
 
 @pytest.mark.parametrize("kind", ["png", "svg"])

@@ -15,7 +15,7 @@ from rich.table import Table
 from pss import RangeError
 from scenes import load_scene
 from scenes.document import named_file, read_toml
-from validate.check.foreseen import Foreseen, camera_rows, foresee, marker_rows, model_rows, warnings_of
+from validate.check.foreseen import Foreseen, camera_rows, foresee, headline, marker_rows, model_rows, warnings_of
 from validate.table_text import table_text
 
 __all__ = ["main", "run"]
@@ -36,7 +36,7 @@ def run(
 ) -> int:
     """Say what each camera of a scene will see, and draw the plan; nothing is rendered.
 
-    The light on the markers is estimated. Sizes are in pixels (px), σ∞ in millimetres (mm), PSS in 1/m.
+    The light on the markers is estimated. Sizes are in pixels (px), σ in millimetres (mm), PSS in 1/m.
 
     Args:
         scene: path of a scene file, or the name of one in scenes/.
@@ -82,6 +82,7 @@ def _show(seen: Foreseen, console: Console) -> None:
         markup=False,
         highlight=False,
     )
+    console.print(headline(seen), markup=False, highlight=False, soft_wrap=True)
     console.print(_cameras(camera_rows(seen)))
     console.print(_objects(seen))
     console.print(_models(model_rows(seen)))
@@ -137,15 +138,15 @@ def _models(rows: Sequence[Row]) -> Table:
     for name in (
         "noise model",
         "observable",
-        "PSS in 1/m",
-        "σ∞ in mm, median",
-        "PSS single frame",
+        "PSS single frame in 1/m",
         "√λmax C in mm, median",
+        "PSS of σ∞",
+        "σ∞ in mm, median",
     ):
         table.add_column(name, justify="left" if name == "noise model" else "right")
     for row in rows:
-        words = [f"{row['pss']:.4g}", f"{1000 * row['sigma_inf_median_m']:.3g}"]
-        words += [f"{row['pss_single_frame']:.4g}", f"{1000 * row['single_frame_sigma_median_m']:.3g}"]
+        words = [f"{row['pss_single_frame']:.4g}", f"{1000 * row['single_frame_sigma_median_m']:.3g}"]
+        words += [f"{row['pss']:.4g}", f"{1000 * row['sigma_inf_median_m']:.3g}"]
         table.add_row(str(row["noise_model"]), f"{row['observable']} of {row['markers']}", *words)
     return table
 

@@ -25,7 +25,7 @@ from pss.surrogates import Mesh
 from render.geometry import plate_corners
 from render.state import SceneObject
 from scenes.dictionaries import DICTIONARIES
-from validate.check.foreseen import ENOUGH, Foreseen
+from validate.check.foreseen import ENOUGH, Foreseen, headline
 from validate.figures import MODEL_COLOURS
 from validate.hallway.wedge import footprint_m
 from validate.illustration import COLOUR_MAP, colour_scale
@@ -59,10 +59,8 @@ def plan_figure(seen: Foreseen) -> Figure:
     """Plan with fields of view at the markers' height, two elevations, and a table of the cameras."""
     room = seen.scene.state.room
     figure = Figure(figsize=(WIDTH_IN, 9.0), layout="constrained")
-    evaluation = seen.evaluations[seen.shown_model]
-    said = f"{seen.scene.path.name}: PSS {evaluation.pss:.4g} /m ({seen.shown_model}), "
-    said += f"{int(evaluation.observable.sum())} of {len(evaluation.observable)} markers resolved"
-    figure.suptitle(said, fontsize=14)
+    title = f"{seen.scene.path.name}: {headline(seen)}".replace("; ", "\n")
+    figure.suptitle(title, fontsize=13, parse_math=False)
     sides = (max(room.width_m, room.length_m), room.length_m, room.height_m)
     grid = figure.add_gridspec(
         2, 2, width_ratios=[room.width_m, max(room.height_m, 0.75 * room.width_m)], height_ratios=sides[1:]
