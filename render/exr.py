@@ -10,7 +10,8 @@ A channel's name before its last dot is its layer, as programs that show OpenEXR
 | `normal` | `normal.X`, `.Y`, `.Z` | half | unit vector in the world |
 | `marker` | `marker.id` | float | id of the marker whose plate is hit, a whole number; −1: none |
 
-`Y` is what those programs show as luminance, and so are the captures.
+`Y` is what those programs show as luminance, and so are the captures. `render.exr_attributes` has what the header states
+in OpenEXR's own attributes.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from pss import ImageSensor, PSSError, PTZCamera, RangeError
+from render.exr_attributes import standard_attributes
 from render.images import one_line, open_image
 from render.view import RENDER_VERSION, Certificate, RenderedView, ViewRequest
 
@@ -70,6 +72,8 @@ def write_view(path: Path, view: RenderedView, request: ViewRequest) -> None:
     spec.channelnames = CHANNELS
     spec.channelformats = tuple(oiio.TypeDesc(name) for name in TYPES)
     spec["compression"] = COMPRESSION
+    for name, (kind, value) in standard_attributes(view.camera, view.sensor).items():
+        spec.attribute(name, kind, value)
     for name, value in header(view, request).items():
         spec.attribute(name, value)
     layers = [view.radiance, view.capture_dn, view.depth_m, view.normal, view.marker_id]
