@@ -1,8 +1,8 @@
 """OpenEXR's own attributes for a camera, beside which `render.exr` writes this project's (`pss:…`).
 
 They follow OpenEXR's "Standard Attributes": matrices multiply row vectors from the right; the camera space is
-left-handed, x right, y **up**, z forward (ours: y down); normalised device coordinates (NDC) run from (0, 0) at the upper
-left corner of the image to (1, 1) at its lower right one.
+left-handed, x right, y **up**, z forward (ours: y down); normalised device coordinates (NDC) run from (0, 0) at the
+upper left corner of the image to (1, 1) at its lower right one.
 """
 
 from __future__ import annotations
