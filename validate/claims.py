@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from validate.intervals import interval, weighted_spearman
+from validate.optimum import optimum
 from validate.sweep import SweepResult
 
 __all__ = ["claim_rows"]
@@ -63,7 +64,9 @@ def _hump_rows(result: SweepResult) -> Iterator[Row]:
     if result.configurations[0].parameter == "selection" or len(result.configurations) < 3:
         return
     for curve in _curves(result):
-        best = int(np.argmax(curve.values))
+        best = optimum(curve.values)
+        if best is None:  # PSS of 0 everywhere neither rises nor falls
+            continue
         inside = 0 < best < len(curve.values) - 1
         for text, end in (("PSS rises from the first value", 0), ("PSS falls to the last value", -1)):
             with np.errstate(divide="ignore", invalid="ignore"):
@@ -79,11 +82,14 @@ def _angle_rows(result: SweepResult) -> Iterator[Row]:
     forward = [[camera.rotation[2] for camera in c.cameras] for c in result.configurations]
     angle = np.degrees([np.arccos(np.clip(a @ b, -1, 1)) for a, b in forward])
     for curve in _curves(result):
+        best = optimum(curve.values)
+        if best is None:
+            continue
         rho = float(weighted_spearman(angle, curve.values))
         low, high = interval(np.asarray(weighted_spearman(np.broadcast_to(angle, curve.samples.shape), curve.samples)))
         yield _row(
             "PSS rises with the angle between the cameras", curve, bool(low > 0), "Spearman's ρ", rho, low, high
-        ) | {"at": f"{angle[np.argmax(curve.values)]:.0f} deg"}
+        ) | {"at": f"{angle[best]:.0f} deg"}
 
 
 def _flat_rows(result: SweepResult) -> Iterator[Row]:

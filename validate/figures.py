@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from validate.contact_sheet import contact_sheet
 from validate.illustration import colour_scale, draw_configuration, shared_colours
 from validate.intervals import interval
+from validate.optimum import optimum
 from validate.slopes import Slopes, slopes_of
 from validate.store import Store, atomic_path
 from validate.sweep import SweepResult
@@ -159,8 +160,11 @@ def _slopes(axes: Axes, result: SweepResult, found: Slopes) -> None:
 
 
 def _curve(axes: Axes, x: NDArray[np.generic], pss: Floats, colour: str, style: str, name: str) -> None:
-    best = int(np.argmax(pss))
-    scale = pss[best] or 1.0
+    best = optimum(pss)
+    if best is None:
+        axes.plot(x, pss, style, color=colour, ms=4, lw=1.5, label=f"{name} (0 at every step)")
+        return
+    scale = pss[best]
     axes.plot(x, pss / scale, style, color=colour, ms=4, lw=1.5, label=f"{name} (max {written(scale, 3)} /m)")
     axes.plot(x[best], 1.0, "*", color=colour, ms=15, mec="white", zorder=5)
 

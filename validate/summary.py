@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
@@ -12,6 +13,7 @@ from validate.acquire import Acquired
 from validate.claims import claim_rows
 from validate.compare import Correlation, headline
 from validate.intervals import oracle_regret
+from validate.optimum import NO_OPTIMUM, optimum
 from validate.slopes import slope_rows
 from validate.sweep import SweepResult
 from validate.tables import detection_rows
@@ -52,12 +54,17 @@ def _correlation_table(results: Sequence[SweepResult]) -> Table:
                     model,
                     "single frame" if single_frame else "filter",
                     _rho(found),
-                    str(result.configurations[int(np.argmax(predicted))].value),
-                    str(result.configurations[int(np.argmax(measured))].value),
+                    _best_value(result, predicted),
+                    _best_value(result, measured),
                     regret,
                 )
         table.add_section()
     return table
+
+
+def _best_value(result: SweepResult, pss: NDArray[np.float64]) -> str:
+    best = optimum(pss)
+    return NO_OPTIMUM if best is None else str(result.configurations[best].value)
 
 
 def _rho(found: Correlation) -> str:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from validate.figures import AXIS_NAMES
-from validate.report.data import KINDS, MM, SweepTable
+from validate.report.data import KINDS, MM, Curve, SweepTable
 from validate.report.style import INK, layout, line_at, model_style
 from validate.report.traces import Choice, Columns, Figure, plain, ref
 
@@ -130,7 +131,7 @@ def _curve_columns(table: SweepTable) -> Columns:
     for kind in KINDS:
         measured = table.measured_pss(kind)
         scale = _largest(measured.values)
-        best = [x[measured.best]]
+        best = [_place_of(measured, x)]
         columns[f"curve|{kind.name}|measured"] = plain(measured.values / scale)
         columns[f"pss|{kind.name}|measured"] = plain(measured.values)
         known = bool(np.isfinite(measured.low).all())
@@ -142,11 +143,16 @@ def _curve_columns(table: SweepTable) -> Columns:
             predicted = table.predicted_pss(model, kind)
             columns[f"curve|{kind.name}|{model}"] = plain(predicted.values / _largest(predicted.values))
             columns[f"pss|{kind.name}|{model}"] = plain(predicted.values)
-            best.append(x[predicted.best])
+            best.append(_place_of(predicted, x))
         columns[f"optima|{kind.name}"] = best
     for model in table.models:
         columns[f"rms|{model}"] = plain(table.steps[model]["predicted_rms_common_m"] * MM)
     return columns
+
+
+def _place_of(curve: Curve, x: Sequence[float]) -> float | None:
+    """Where a curve's star stands on the axis; None without an optimum."""
+    return None if curve.best is None else x[curve.best]
 
 
 def _largest(values: np.ndarray) -> float:

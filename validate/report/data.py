@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from validate.findings.tables import Row, all_of, read_tables
+from validate.optimum import optimum
 from validate.store import StoreError
 
 __all__ = ["KINDS", "MM", "Curve", "Kind", "SweepTable", "needed_tables", "read_sweeps", "table_of"]
@@ -74,9 +75,9 @@ class Curve:
     high: Floats
 
     @property
-    def best(self) -> int:
-        """The step of the highest."""
-        return int(np.argmax(self.values))
+    def best(self) -> int | None:
+        """The step of the highest; None where no step resolves a point."""
+        return optimum(self.values)
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,7 +32,7 @@ def write_models(folder: Path, sections: Sequence[Section]) -> list[Path]:
     written = []
     for number, section in enumerate(sections):
         path = folder / ("scene.glb" if number == 0 else f"scene_{section.table.name}.glb")
-        best = section.table.predicted_pss(section.table.leading_model, KINDS[0]).best
+        best = section.table.predicted_pss(section.table.leading_model, KINDS[0]).best or 0
         data = model_of(section, best).export(file_type="glb")
         with atomic_path(path, needed_bytes=len(data)) as temporary:
             temporary.write_bytes(data)

@@ -89,7 +89,7 @@ def section_of(table: SweepTable, title: str, steps: Sequence[Step]) -> Section:
         budget.visibility_columns(steps),
         space.scene_columns(table, steps),
     )
-    courses = Courses((), {"": range(len(steps))}, table.labels, table.measured_pss(KINDS[0]).best)
+    courses = Courses((), {"": range(len(steps))}, table.labels, table.measured_pss(KINDS[0]).best or 0)
     return Section(table, title, steps, figures, joined_columns(*parts), chosen_crops(steps), courses, GROUPS)
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from validate.findings.tables import Row
+from validate.optimum import NO_OPTIMUM
 from validate.report.data import KINDS, Kind, SweepTable
 
 __all__ = ["FOLLOWS_FROM", "Verdict", "claims", "in_words", "remarks", "rho_words", "standing_of", "verdicts"]
@@ -109,6 +110,7 @@ def verdicts(table: SweepTable) -> list[Verdict]:
     for model in table.models:
         for kind in KINDS:
             row = table.correlation_of(model, kind) or {}
+            chosen, best = table.predicted_pss(model, kind).best, table.measured_pss(kind).best
             found.append(
                 Verdict(
                     table.name,
@@ -118,10 +120,8 @@ def verdicts(table: SweepTable) -> list[Verdict]:
                     _number(row.get("spearman")),
                     _number(row.get("spearman_ci_low")),
                     _number(row.get("spearman_ci_high")),
-                    table.values[table.predicted_pss(model, kind).best],
-                    table.values[table.measured_pss(kind).best],
-                    _said(table.labels[table.predicted_pss(model, kind).best]),
-                    _said(table.labels[table.measured_pss(kind).best]),
+                    *(NO_OPTIMUM if step is None else table.values[step] for step in (chosen, best)),
+                    *("no step" if step is None else _said(table.labels[step]) for step in (chosen, best)),
                     _number(row.get("regret")),
                     _number(row.get("oracle_regret")),
                 )
