@@ -10,8 +10,8 @@ A channel's name before its last dot is its layer, as programs that show OpenEXR
 | `normal` | `normal.X`, `.Y`, `.Z` | half | unit vector in the world |
 | `marker` | `marker.id` | float | id of the marker whose plate is hit, a whole number; −1: none |
 
-`Y` is what those programs show as luminance, and so are the captures. OpenEXR's own attributes in the header are those of
-`render.exr_attributes`.
+`Y` is what those programs show as luminance, and so are the captures. The header also has the attributes of
+`render.exr_attributes`, which are OpenEXR's own.
 """
 
 from __future__ import annotations
