@@ -32,7 +32,7 @@ WIDTH_PX, HEIGHT_PX = 1240, 1700
 # A screenshot's text and lines have few colours.
 COLOURS = 256
 PATIENCE_S = 60
-SHOWN = "#zoom"
+SHOWN = "#sweep-1"
 
 
 def opened(report: Path) -> webdriver.Chrome:

@@ -154,6 +154,16 @@ def test_nothing_is_asked_from_elsewhere(made):
     assert set(re.findall(r"https?://[\w./]+", ours)) <= {"http://www.w3.org/2000/svg"}
 
 
+def test_ids_are_the_pages_own_and_every_link_within_it_leads_somewhere(made):
+    """No sweep's name is an id: one called "data" or "zooming-title" could meet another."""
+    ids = [e.attributes["id"] for e in made.page.elements if "id" in e.attributes]
+    assert len(ids) == len(set(ids))
+    assert not any(table.name in name for name in ids for table in made.tables)
+    links = [e.attributes["href"] for e in made.page.all("a")]
+    assert {link.removeprefix("#") for link in links} <= set(ids)
+    assert {"sweep-1", "sweep-2"} <= set(ids)
+
+
 def test_every_input_has_a_label_and_every_picture_its_words(made):
     for element in made.page.all("input", "select"):
         assert element.in_label or element.attributes.get("aria-label"), element.attributes

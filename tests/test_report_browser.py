@@ -72,7 +72,7 @@ def test_it_opens_soon_and_is_small(browser, report):
 def test_every_figure_is_drawn_without_an_error_and_without_the_network(browser, report):
     figures = browser.find_elements(By.CSS_SELECTOR, "[data-figure]")
     assert len(figures) == 2 * 7
-    for section in ("zooming", "pairs"):
+    for section in ("sweep-1", "sweep-2"):
         for name in ("curves", "points", "leaderboard", "nees", "budget", "visibility", "scene"):
             drawn(browser, f"#{section} [data-figure={name}] .plot")
     assert not errors(browser)
@@ -80,14 +80,14 @@ def test_every_figure_is_drawn_without_an_error_and_without_the_network(browser,
 
 
 def test_the_slider_moves_all_figures_and_pictures_by_keyboard(browser):
-    slider = shown(browser, "#zooming [data-step]")
+    slider = shown(browser, "#sweep-1 [data-step]")
     slider.send_keys(Keys.HOME)
-    label = browser.find_element(By.CSS_SELECTOR, "#zooming [data-label]")
+    label = browser.find_element(By.CSS_SELECTOR, "#sweep-1 [data-label]")
     assert label.text == "zoom=1.5"
     said = "return arguments[0].getAttribute('aria-label')"
-    plots = [drawn(browser, f"#zooming [data-figure={name}] .plot") for name in ("points", "budget", "scene")]
+    plots = [drawn(browser, f"#sweep-1 [data-figure={name}] .plot") for name in ("points", "budget", "scene")]
     before = [browser.execute_script("return JSON.stringify(arguments[0].data)", plot) for plot in plots]
-    picture = shown(browser, "#zooming [data-img]")
+    picture = shown(browser, "#sweep-1 [data-img]")
     until(browser, lambda d: "zoom=1.5" in picture.get_attribute("alt"))
     slider.send_keys(Keys.ARROW_RIGHT, Keys.ARROW_RIGHT)
     assert label.text == "zoom=3"
@@ -96,7 +96,7 @@ def test_the_slider_moves_all_figures_and_pictures_by_keyboard(browser):
         browser.execute_script("arguments[0].scrollIntoView({block: 'center', behavior: 'instant'})", plot)
         until(browser, lambda d, plot=plot: "zoom=3" in d.execute_script(said, plot))
         assert browser.execute_script("return JSON.stringify(arguments[0].data)", plot) != old
-    shown(browser, "#zooming [data-images]")
+    shown(browser, "#sweep-1 [data-images]")
     until(browser, lambda d: "zoom=3" in picture.get_attribute("alt"))
 
 
@@ -120,15 +120,15 @@ def changed(one, other):
 
 def test_what_is_seen_follows_slider_and_layers(browser, screenshots):
     """By screenshots: steps look different, and a layer that is switched off is gone and comes back the same."""
-    slider = shown(browser, "#zooming [data-step]")
+    slider = shown(browser, "#sweep-1 [data-step]")
     slider.send_keys(Keys.HOME)
-    plot = drawn(browser, "#zooming [data-figure=scene] .plot")
+    plot = drawn(browser, "#sweep-1 [data-figure=scene] .plot")
     label = "return arguments[0].getAttribute('aria-label')"
     until(browser, lambda d: "zoom=1.5" in d.execute_script(label, plot))
     time.sleep(SETTLED_S)
     first = pixels(browser, plot, screenshots, "scene-first-step")
     for layer in ("frusta", "planes", "objects"):
-        box = browser.find_element(By.CSS_SELECTOR, f"#zooming [data-layer={layer}]")
+        box = browser.find_element(By.CSS_SELECTOR, f"#sweep-1 [data-layer={layer}]")
         browser.execute_script("arguments[0].click()", box)
         time.sleep(SETTLED_S)
         without = pixels(browser, plot, screenshots, f"scene-without-{layer}")
@@ -136,7 +136,7 @@ def test_what_is_seen_follows_slider_and_layers(browser, screenshots):
         browser.execute_script("arguments[0].click()", box)
         time.sleep(SETTLED_S)
         assert changed(first, pixels(browser, plot, screenshots, "scene-again")) < LEAST_CHANGE, layer
-    colour = Select(browser.find_element(By.CSS_SELECTOR, "#zooming [data-figure=scene] [data-choice=colour]"))
+    colour = Select(browser.find_element(By.CSS_SELECTOR, "#sweep-1 [data-figure=scene] [data-choice=colour]"))
     colour.select_by_value("ratio")
     time.sleep(SETTLED_S)
     assert changed(first, pixels(browser, plot, screenshots, "scene-ratio")) > LEAST_CHANGE
@@ -148,7 +148,7 @@ def test_what_is_seen_follows_slider_and_layers(browser, screenshots):
         assert sign == ("x" if predicted is None else "circle-open" if smaller else "circle"), text
     colour.select_by_value("predicted")
     slider.send_keys(Keys.END)
-    drawn(browser, "#zooming [data-figure=scene] .plot")
+    drawn(browser, "#sweep-1 [data-figure=scene] .plot")
     until(browser, lambda d: "zoom=1.5" not in d.execute_script(label, plot))
     time.sleep(SETTLED_S)
     assert changed(first, pixels(browser, plot, screenshots, "scene-last-step")) > LEAST_CHANGE
@@ -158,7 +158,7 @@ def test_curves_are_told_apart_without_colour(browser, screenshots):
     """Seen without any colour, no two curves have the same dash and sign."""
     browser.execute_cdp_cmd("Emulation.setEmulatedVisionDeficiency", {"type": "achromatopsia"})
     try:
-        plot = drawn(browser, "#zooming [data-figure=curves] .plot")
+        plot = drawn(browser, "#sweep-1 [data-figure=curves] .plot")
         picture = pixels(browser, plot, screenshots, "curves-without-colour")
         assert np.ptp(picture, axis=-1).max() <= VISIBLE_LEVELS
     finally:
@@ -173,11 +173,11 @@ def test_curves_are_told_apart_without_colour(browser, screenshots):
 
 
 def test_a_marker_has_its_ellipsoid_lines_and_words(browser):
-    plot = drawn(browser, "#zooming [data-figure=scene] .plot")
+    plot = drawn(browser, "#sweep-1 [data-figure=scene] .plot")
     count = browser.execute_script("return arguments[0].data.length", plot)
-    Select(shown(browser, "#zooming [data-marker]")).select_by_value("5")
+    Select(shown(browser, "#sweep-1 [data-marker]")).select_by_value("5")
     until(browser, lambda d: d.execute_script("return arguments[0].data.length", plot) > count)
-    words = browser.find_element(By.CSS_SELECTOR, "#zooming [data-said]").text
+    words = browser.find_element(By.CSS_SELECTOR, "#sweep-1 [data-said]").text
     assert "marker 5 on board" in words
     assert "ellipsoid" in words
     # The page multiplies the root out itself. The mesh begins and ends with opposite points; the farthest from the
@@ -196,9 +196,9 @@ def test_a_marker_has_its_ellipsoid_lines_and_words(browser):
 
 def test_pictures_are_flicked_through_with_the_arrow_keys(browser):
     seen = set()
-    radio = shown(browser, "#zooming [data-picture][value=clean]")
+    radio = shown(browser, "#sweep-1 [data-picture][value=clean]")
     browser.execute_script("arguments[0].click()", radio)
-    picture = browser.find_element(By.CSS_SELECTOR, "#zooming [data-img]")
+    picture = browser.find_element(By.CSS_SELECTOR, "#sweep-1 [data-img]")
     for layer in ("clean", "noisy", "depth", "blur", "error"):
         active = browser.switch_to.active_element if seen else radio
         assert active.get_attribute("value") == layer
@@ -227,7 +227,7 @@ def test_it_fits_a_narrow_screen(browser):
     browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", PHONE)
     try:
         for name in ("curves", "scene"):
-            plot = drawn(browser, f"#pairs [data-figure={name}] .plot")
+            plot = drawn(browser, f"#sweep-2 [data-figure={name}] .plot")
             until(browser, lambda d, plot=plot: plot.size["width"] <= PHONE["width"])
         wide, inner = browser.execute_script("return [document.documentElement.scrollWidth, window.innerWidth]")
         assert wide <= inner == PHONE["width"]

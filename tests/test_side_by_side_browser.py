@@ -20,7 +20,7 @@ from tests.browsing import NEEDS_BROWSER, PHONE, asked_elsewhere, drawn, errors,
 
 pytestmark = NEEDS_BROWSER
 
-SECTION = "#group-zoom"
+SECTION = "#group-1"
 
 
 @pytest.fixture(scope="module")

@@ -20,6 +20,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from validate.contact_sheet import contact_sheet
+from validate.file_names import FIGURES, figure_file
 from validate.illustration import colour_scale, draw_configuration, shared_colours
 from validate.intervals import interval
 from validate.optimum import optimum
@@ -51,7 +52,6 @@ AXIS_NAMES = {
 DPI = 130
 # Room for the star of an optimum.
 ABOVE_OPTIMUM = 1.08
-SUFFIXES = ("", "_points", "_captures")
 # Tables that no figure shows and that differ from run to run.
 NOT_SHOWN = ("timings.csv",)
 
@@ -73,7 +73,7 @@ def source_of(folder: Path, results: Sequence[SweepResult]) -> str:
 def all_drawn(folder: Path, results: Sequence[SweepResult]) -> bool:
     """Whether every figure of a run is there."""
     names = [result.plan.sweep.name for result in results if result.assessments]
-    return all((folder / "figures" / f"{name}{suffix}.png").exists() for name in names for suffix in SUFFIXES)
+    return all((folder / "figures" / figure_file(name, suffix)).exists() for name in names for suffix in FIGURES)
 
 
 def draw_all(folder: Path, results: Sequence[SweepResult], store: Store) -> list[Path]:
@@ -83,13 +83,13 @@ def draw_all(folder: Path, results: Sequence[SweepResult], store: Store) -> list
         if not result.assessments:
             continue
         name = result.plan.sweep.name
-        for suffix, figure in (("", sweep_figure(result)), ("_points", points_figure(result))):
-            path = folder / "figures" / f"{name}{suffix}.png"
+        curves, points, captures = (folder / "figures" / figure_file(name, suffix) for suffix in FIGURES)
+        for path, figure in ((curves, sweep_figure(result)), (points, points_figure(result))):
             with atomic_path(path) as temporary:
                 figure.savefig(temporary, dpi=DPI, format="png")
             plt.close(figure)
             drawn.append(path)
-        drawn.append(contact_sheet(folder / "figures" / f"{name}_captures.png", result, store))
+        drawn.append(contact_sheet(captures, result, store))
     return drawn
 
 

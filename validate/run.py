@@ -19,6 +19,7 @@ from validate.acquire import Acquired, Acquisition, acquire, with_whole_views
 from validate.dry_run import announce, exposures_assumed
 from validate.exit_codes import EXIT_DONE, EXIT_FAILED
 from validate.expose import with_exposures
+from validate.file_names import check_default_folder, check_names, sweep_name
 from validate.progress import clock
 from validate.remote_store import is_address, open_store
 from validate.report.command import REPORT, of_results, source_of_report, write_report
@@ -53,7 +54,7 @@ class Options:
     @property
     def folder(self) -> Path:
         """Where the results go."""
-        return self.out or Path("results") / "-".join(Path(name).stem for name in self.sweeps)
+        return self.out or Path("results") / "-".join(map(sweep_name, self.sweeps))
 
 
 def execute(options: Options, messages: RunMessages) -> int:
@@ -155,10 +156,10 @@ def _check(options: Options) -> None:
         raise RangeError(f"--trials {options.trials}; allowed: 2 or more (choices are made and scored on two halves)")
     if options.seed is not None and options.seed < 0:
         raise RangeError(f"--seed {options.seed}; allowed: 0 or more")
-    names = [Path(name).stem for name in options.sweeps]
-    for name in names:
-        if names.count(name) > 1:
-            raise RangeError(f"sweep {name!r} is given twice; allowed: each once, as it names its rows")
+    names = [sweep_name(name) for name in options.sweeps]
+    check_names(names)
+    if options.out is None:
+        check_default_folder(names, options.folder)
     check_folders(options.folder, options.store)
     options.scale.check()
 
@@ -174,6 +175,8 @@ def check_folders(out: Path, store: str) -> None:
         raise StoreError(f"--store {store} is a file; allowed is a folder")
     if out.exists() and not out.is_dir():
         raise StoreError(f"--out {out} is a file; allowed is a folder")
+    if not is_address(store) and out.resolve() == Path(store).resolve():
+        raise StoreError(f"--out {out} is the store; allowed is another folder")
     existing = next(parent for parent in [out, *out.resolve().parents] if parent.exists())
     if not os.access(existing, os.W_OK):
         raise StoreError(f"--out {out} cannot be written; allowed is a folder that you may write to")

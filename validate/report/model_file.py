@@ -10,6 +10,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from render.geometry import plate_corners
+from validate.file_names import model_file
 from validate.report.bodies import object_meshes
 from validate.report.data import KINDS
 from validate.report.frusta import frustum, room_corners
@@ -31,7 +32,7 @@ def write_models(folder: Path, sections: Sequence[Section]) -> list[Path]:
     """Write the scene of each section at the step that the leading noise model finds best."""
     written = []
     for number, section in enumerate(sections):
-        path = folder / ("scene.glb" if number == 0 else f"scene_{section.table.name}.glb")
+        path = folder / model_file(section.table.name, number)
         best = section.table.predicted_pss(section.table.leading_model, KINDS[0]).best or 0
         data = model_of(section, best).export(file_type="glb")
         with atomic_path(path, needed_bytes=len(data)) as temporary:

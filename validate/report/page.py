@@ -132,7 +132,10 @@ def page_of(
     crops = [[(crop, next(uris)) for crop in section.crops] for section in sections]
     return environment.get_template(template).render(
         title=title,
-        sections=[{**words_of(section, cut), **own} for section, cut, own in zip(sections, crops, words, strict=True)],
+        sections=[
+            {"id": f"sweep-{number}", **words_of(section, cut), **own}
+            for number, (section, cut, own) in enumerate(zip(sections, crops, words, strict=True), start=1)
+        ],
         speeds=SPEEDS_PER_S,
         layers=LAYERS,
         farthest_m=pictures.farthest_m,
@@ -163,7 +166,7 @@ def words_of(section: Section, crops: Sequence[tuple[Crop, str]]) -> dict[str, A
     """What the template says of any section."""
     table = section.table
     return {
-        "id": table.name,
+        "name": table.name,
         "title": section.title,
         "labels": section.courses.labels,
         "figures": section.figures,

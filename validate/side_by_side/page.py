@@ -66,7 +66,9 @@ def html_of(sides: Sequence[Side]) -> str:
     """The whole page."""
     names = names_of([side.label for side in sides])
     groups = groups_of(sides)
-    sections = [_group_section(group, sides, names) for group in groups]
+    sections = [
+        {"id": f"group-{number}"} | _group_section(group, sides, names) for number, group in enumerate(groups, start=1)
+    ]
     ranking = [figure for figure in _rankings(sides, names) if figure is not None]
     if ranking:
         section = {
@@ -169,7 +171,6 @@ def _group_section(group: Group, sides: Sequence[Side], names: Sequence[str]) ->
     steps = f"{len(group.steps)} step" + ("" if len(group.steps) == 1 else "s")
     what = "strategies" if group.parameter == "strategy" else f"steps of {group.name}"
     return {
-        "id": "group-" + "".join(sign if sign.isalnum() else "-" for sign in group.name),
         "title": "Strategies of the hallway" if group.parameter == "strategy" else f"Sweep {group.name}",
         "kicker": f"{steps} that all sides have" if group.parameter != "strategy" else "the whole hallway",
         "lead": f"What was measured and predicted at the {what}, and how both changed from {names[0]}.",
