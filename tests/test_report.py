@@ -28,6 +28,7 @@ from validate.report.command import of_results, remade
 from validate.report.data import KINDS, read_sweeps
 from validate.report.frusta import frustum
 from validate.report.images import BUDGET_BYTES, chosen_crops, pictures_of
+from validate.report.model_file import linear
 from validate.report.page import KIND_CHOICE, section_of
 from validate.report.shades import VIRIDIS
 from validate.report.space import scene_columns
@@ -336,6 +337,11 @@ def test_the_model_file_has_the_markers_where_they_are(made):
         centre = trimesh.transform_points(scene.geometry[name].vertices, transform).mean(axis=0)
         x, y, z = np.array(marker.centre_m) + 0.004 * np.array(marker.normal)
         np.testing.assert_allclose(centre, (x, z, -y), atol=1e-5)
+        # Reading it back rounds the linear colour to a byte.
+        material = scene.geometry[name].visual.material
+        colour = np.array(linear(scene.geometry[name].metadata["srgb"]))
+        np.testing.assert_allclose(material.baseColorFactor[:3] / 255, colour, atol=0.5 / 255 + 1e-9)
+        assert material.metallicFactor == 0
     assert any(name.startswith("field of view") for name in scene.graph.nodes_geometry)
     assert (made.out / "scene_pairs.glb").exists()
 

@@ -83,7 +83,7 @@ def _ticks(low: float, high: float) -> list[float]:
 
 
 def plate_colours(table: SweepTable, step: int, kind: str, model: str) -> list[tuple[int, ...]]:
-    """Red, green, blue and opacity (0 to 255) of each marker by its predicted σ, grey where that is not known."""
+    """Red, green and blue (sRGB, 0 to 255) of each marker by its predicted σ, grey where that is not known."""
     columns = scales(table)
     name = f"predicted|{kind}|{model}"
     bottom, low, high = (columns[f"{end}|{name}"] for end in ("low", "known_from", "high"))
@@ -94,4 +94,4 @@ def plate_colours(table: SweepTable, step: int, kind: str, model: str) -> list[t
     rgb = np.array([[int(colour[n : n + 2], 16) for n in (1, 3, 5)] for _, colour in scale])
     share = np.clip((shade - bottom) / (high - bottom), 0, 1)
     mixed = np.column_stack([np.interp(share, at, rgb[:, channel]) for channel in range(3)])
-    return [(*(round(float(value)) for value in row), 255) for row in mixed]
+    return [tuple(round(float(value)) for value in row) for row in mixed]
