@@ -102,6 +102,19 @@ def test_what_is_allowed_is_needed_and_has_a_reason():
         assert len(reason) > 20
 
 
+# (import, the one file of the packages that has it): what the file does for all others.
+ONE_DOOR = {
+    ("rich.console", "validate/console.py"): "prints words of users as they are, never as markup",
+    ("matplotlib.pyplot", "validate/drawing.py"): "draws words of users as they are, never as formulas",
+}
+
+
+@pytest.mark.parametrize(("name", "door"), ONE_DOOR)
+def test_some_libraries_are_imported_by_one_file(name, door):
+    found = {relative(path) for path in modules(*PACKAGES) for imported, _ in imports(path) if imported == name}
+    assert found == {door}, ONE_DOOR[name, door]
+
+
 def test_mitsuba_is_imported_inside_functions_only():
     """Dr.Jit looks for libLLVM at its first import, which therefore must not happen before one is chosen."""
     for path in modules(*PACKAGES):

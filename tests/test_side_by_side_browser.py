@@ -129,3 +129,17 @@ def test_it_is_printed_with_all_its_figures_and_tables(browser, compared):
         " [...document.querySelectorAll('details')].filter((each) => !each.open).length]"
     )
     assert (undrawn, folded) == (0, 0)
+
+
+def test_figures_draw_names_as_they_are(tmp_path):
+    """Plotly would make bold what stands between tags, and drop the tags that it does not know."""
+    folders = [a_run(tmp_path / "<b>plain"), a_run(tmp_path / "<i>dim<br>&amp;", 0.5, 0.52, rho=0.5)]
+    page = write_page(tmp_path / "out" / "compare.html", sides_of(folders))
+    with opened(page) as driver:
+        plot = drawn(driver, f"{SECTION} [data-figure=curves] .plot")
+        words = driver.execute_script(
+            "return [...arguments[0].querySelectorAll('text')].map((text) => text.textContent)", plot
+        )
+        assert "÷ <b>plain" in words
+        assert "<i>dim<br>&amp;, measured" in words
+        assert not errors(driver)

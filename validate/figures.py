@@ -8,10 +8,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import matplotlib
-
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm
@@ -20,6 +16,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from validate.contact_sheet import contact_sheet
+from validate.drawing import plt
 from validate.file_names import FIGURES, figure_file
 from validate.illustration import colour_scale, draw_configuration, shared_colours
 from validate.intervals import interval

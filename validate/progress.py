@@ -7,10 +7,10 @@ import time
 from collections.abc import Iterable
 from types import TracebackType
 
-from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
 from render.view import ViewRequest
+from validate.console import Console
 from validate.events import EventFile
 
 __all__ = ["ViewProgress", "clock"]
@@ -49,11 +49,11 @@ class ViewProgress:
         self._task = None
         if console.is_terminal and not console.quiet:
             self._bar = Progress(
-                TextColumn("views"),
+                TextColumn("views", markup=False),
                 BarColumn(),
-                TextColumn("{task.completed:.0f}/{task.total:.0f}"),
-                TextColumn("{task.fields[left]}"),
-                TextColumn("{task.description}"),
+                TextColumn("{task.completed:.0f}/{task.total:.0f}", markup=False),
+                TextColumn("{task.fields[left]}", markup=False),
+                TextColumn("{task.description}", markup=False),
                 console=console,
                 transient=True,
             )

@@ -8,10 +8,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
 
-from rich.console import Console
-
 from pss import PSSError
 from validate.acquire import Acquired
+from validate.console import Console
 from validate.events import EventFile
 from validate.exit_codes import EXIT_BROKEN, EXIT_INTERRUPTED, EXIT_MISTAKE
 from validate.progress import ViewProgress

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
 from rich.table import Table
 
 from validate.acquire import Acquired
 from validate.claims import claim_rows
 from validate.compare import Correlation, headline
+from validate.console import Console
 from validate.intervals import oracle_regret
 from validate.optimum import NO_OPTIMUM, optimum
 from validate.slopes import slope_rows

@@ -11,7 +11,6 @@ from typing import Annotated, Literal
 
 import numpy as np
 import tyro
-from rich.console import Console
 from rich.table import Table
 
 from pss.noise import Calibration
@@ -34,6 +33,7 @@ from validate.bank.study import (
     visibilities,
 )
 from validate.bank.verdict import leaderboard
+from validate.console import Console
 from validate.dry_run import announce
 from validate.exit_codes import EXIT_DONE, EXIT_FAILED
 from validate.findings.bank import bank_findings

@@ -8,7 +8,6 @@ from typing import Annotated, Literal
 import numpy as np
 import tyro
 from numpy.typing import NDArray
-from rich.console import Console
 from rich.table import Table
 
 from pss import NoiseModel
@@ -24,6 +23,7 @@ from validate.bank.prepare import acquire_banks, calibrate, enough
 from validate.bank.study import appearance_of, data_of, noise_models, predictions, visibilities
 from validate.bank.verdict import single_frame_terms
 from validate.calibration_error import study
+from validate.console import Console
 from validate.exit_codes import EXIT_DONE, EXIT_FAILED
 from validate.remote_store import open_store
 from validate.run_messages import RunMessages

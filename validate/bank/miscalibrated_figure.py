@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
+from validate.drawing import plt
 from validate.store import atomic_path
 
 __all__ = ["draw"]
@@ -42,6 +39,8 @@ def draw(path: Path, rows: Rows) -> None:
         _curves(axes, alone, [scale * _value(row, column) for row in alone])
         axes.axhline(_value(none, "spearman_plain"), color=NONE, ls="--", lw=1, label="no error")
         axes.set_xscale("log")
+        axes.xaxis.set_major_formatter("{x:g}")
+        axes.xaxis.set_minor_formatter(NullFormatter())
         axes.set_title(title)
         axes.set_xlabel(label)
     together = [row for row in rows if all(_value(row, column) for column, *_ in KINDS)]

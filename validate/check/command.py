@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
-from rich.console import Console
 from rich.table import Table
 
 from pss import RangeError
 from scenes import load_scene
 from scenes.document import named_file, read_toml
 from validate.check.foreseen import Foreseen, camera_rows, foresee, headline, marker_rows, model_rows, warnings_of
+from validate.console import Console
 from validate.table_text import table_text
 
 __all__ = ["main", "run"]

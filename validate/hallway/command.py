@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tyro
-from rich.console import Console
 from rich.table import Table
 
 from pss.noise import Calibration
@@ -19,6 +18,7 @@ from scenes import load_scene
 from scenes.schedule_file import load_schedule
 from validate.acquire import Acquired, acquire, with_whole_views
 from validate.compare import correlation_rows
+from validate.console import Console
 from validate.dry_run import announce
 from validate.exit_codes import EXIT_DONE, EXIT_FAILED
 from validate.hallway.agreement import ALL_RUNS, agreement_rows
@@ -218,8 +218,7 @@ def _run_of(runs: Sequence[Run], strategy: str) -> int | None:
 
 def _draw(folder: Path, result: ScheduleResult) -> None:
     # Imported late: slow, and a dry run draws nothing.
-    import matplotlib.pyplot as plt
-
+    from validate.drawing import plt
     from validate.hallway.figure import schedule_figure
 
     figure = schedule_figure(result)

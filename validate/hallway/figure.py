@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import matplotlib
-
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
+from validate.drawing import plt
 from validate.figures import MODEL_COLOURS
 from validate.hallway.results import KINDS, ScheduleResult
 from validate.hallway.runs import limit_name

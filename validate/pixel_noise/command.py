@@ -28,9 +28,8 @@ def run(
     """
     import sys
 
-    from rich.console import Console
-
     from pss import RangeError
+    from validate.console import Console
     from validate.pixel_noise.report import make
     from validate.store import StoreError
 

@@ -5,17 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, NullLocator, ScalarFormatter
+from matplotlib.ticker import FixedLocator, NullFormatter, NullLocator, ScalarFormatter
 from numpy.typing import NDArray
 
+from validate.drawing import plt
 from validate.pixel_noise.design import COMBINATIONS
 from validate.store import atomic_path
 
@@ -99,8 +95,12 @@ def _column(rows: Rows, name: str) -> Floats:
 def _noise(axes: Axes, rows: Rows, column: str) -> None:
     x = _column(rows, column)
     axes.set_yscale("log")
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_formatter(NullFormatter())
     if column in LOGARITHMIC:
         axes.set_xscale("log")
+        axes.xaxis.set_major_formatter("{x:g}")
+        axes.xaxis.set_minor_formatter(NullFormatter())
     bound, physical = (_column(rows, name) for name in ("bound_sigma_px", "physical_sigma_px"))
     axes.plot(x, bound, color=BOUND, lw=1.8, label="Cramér–Rao bound")
     axes.plot(x, physical, "--", color=PHYSICAL, lw=1.5, label="model “physical”")

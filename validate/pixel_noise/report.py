@@ -9,10 +9,10 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from rich.console import Console
 from rich.table import Table
 
 from render import backend
+from validate.console import Console
 from validate.pixel_noise.design import make_plan
 from validate.pixel_noise.exponents import PowerLaw
 from validate.pixel_noise.figure import draw

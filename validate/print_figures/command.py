@@ -8,7 +8,6 @@ from typing import Annotated, Literal
 
 import tyro
 from matplotlib.figure import Figure
-from rich.console import Console
 
 from pss import RangeError
 from render import backend
@@ -16,6 +15,7 @@ from render.sampling import Sampling
 from scenes import load_scene, load_sweep
 from scenes.schedule_file import load_schedule
 from validate.acquire import Acquired, Acquisition, acquire
+from validate.console import Console
 from validate.progress import EXPECTED_SECONDS, ViewProgress, clock
 from validate.remote_store import open_store
 from validate.run import check_folders

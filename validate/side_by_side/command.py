@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
-from rich.console import Console
 from rich.table import Table
 
+from validate.console import Console
 from validate.side_by_side.cells import cells
 from validate.side_by_side.rows import QUANTITIES, Quantity, matched
 from validate.side_by_side.runs import Side, settings_rows, sides_of

@@ -14,6 +14,18 @@ const Figures = (() => {
     return Object.fromEntries(Object.entries(value).map(([key, item]) => [key, filled(item, look, chosen)]));
   }
 
+  // Plotly reads tags in these, and they hold words of users; in templates of hovering it does so as well, which are ours.
+  const WORDS = new Set(["name", "text", "ticktext", "customdata", "meta"]);
+
+  /** The same with every sign of markup in words drawn as it stands; a line break is a new line. */
+  function asWords(value, key) {
+    if (typeof value === "string")
+      return WORDS.has(key) ? value.replaceAll("&", "&amp;").replaceAll("<", "&lt;").replaceAll("\n", "<br>") : value;
+    if (Array.isArray(value)) return WORDS.has(key) || typeof value[0] === "object" ? value.map((item) => asWords(item, key)) : value;
+    if (value === null || typeof value !== "object") return value;
+    return Object.fromEntries(Object.entries(value).map(([name, item]) => [name, asWords(item, name)]));
+  }
+
   /** Tells the `owner` of an element that it comes into view. */
   const watcher = new IntersectionObserver((entries) => entries.forEach((entry) => {
     entry.target.owner.seen = entry.isIntersecting;
@@ -55,7 +67,7 @@ const Figures = (() => {
       this.div.style.minHeight = layout.height + "px";
       layout.autosize = !drawing.onPaper;
       if (drawing.onPaper) layout.width = Math.min(PRINTED_PX, this.div.clientWidth);
-      Plotly.react(this.div, traces, layout, config);
+      Plotly.react(this.div, asWords(traces), asWords(layout), config);
     }
   }
 

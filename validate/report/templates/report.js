@@ -190,7 +190,7 @@
       const names = at("camera_names"), should = at("should_see"), rate = at("found_rate");
       const seeing = names.filter((_, c) => should[c][marker] === "1");
       const found = names.map((name, c) => [name, rate[c][marker]]).filter(([, r]) => r > 0);
-      let words = kept.find((t) => t.meta && t.meta.pick).text[marker].replace("<br>", ": ") + ". ";
+      let words = kept.find((t) => t.meta && t.meta.pick).text[marker].replace("\n", ": ") + ". ";
       words += seeing.length ? `Should be seen by camera${seeing.length > 1 ? "s" : ""} ${seeing.join(", ")}; ` : "No camera should see it; ";
       words += found.length ? "found by " + found.map(([n, r]) => `${n} (${Math.round(100 * r)} % of trials)`).join(", ") + ". " : "found by none. ";
       const root = at(`root|${chosen.kind}|${chosen.model}`)[marker];
@@ -224,7 +224,7 @@
         const below = (n) => colour === "ratio" && measured[n] !== null && measured[n] < predicted[n];
         const sign = (sigma, n) => (sigma === null ? "x" : below(n) ? "circle-open" : "circle");
         trace.marker = { ...trace.marker, symbol: predicted.map(sign) };
-        trace.text = names.map((name, n) => `marker ${name}<br>predicted ${mm(predicted[n])}, measured ${mm(measured[n])}`);
+        trace.text = names.map((name, n) => `marker ${name}\npredicted ${mm(predicted[n])}, measured ${mm(measured[n])}`);
       }
     }
     lines(at, centre, markers, width, colour) {
