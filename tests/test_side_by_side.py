@@ -6,12 +6,14 @@ import csv
 import io
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from validate.side_by_side.command import compared, main
+from validate.run_sweep import main as program
+from validate.side_by_side.command import compared, main, summarised
 from validate.side_by_side.rows import QUANTITIES, Quantity, matched_rows, separate
 from validate.side_by_side.runs import settings_rows, sides_of
 from validate.store import StoreError
@@ -182,3 +184,94 @@ def test_mistakes_are_said(tmp_path, made, words):
     with pytest.raises(StoreError, match=words) as caught:
         compared(sides_of([each.format(**places) for each in made]), "predicted")
     assert "allowed" in str(caught.value)
+
+
+# ---- nothing alike ---------------------------------------------------------------------------------------------------
+
+
+def renamed(folder, sweep, scene=None):
+    """The folder's run, as one of a sweep of another name."""
+    for path in folder.glob("*.csv"):
+        text = path.read_text()
+        path.write_text("\n".join(re.sub(r"^zoom,", f"{sweep},", line) for line in text.splitlines()) + "\n")
+    said = json.loads((folder / "run.json").read_text())
+    scenes = {sweep: scene or said["scenes"]["zoom"]}
+    (folder / "run.json").write_text(json.dumps(said | {"scenes": scenes, "sweeps": {sweep: {"seed": 1}}}))
+    return folder
+
+
+@pytest.mark.parametrize("rows", ["measured", "predicted"])
+def test_rows_that_match_nothing_are_one_line_and_no_success(tmp_path, capsys, rows):
+    """Of sweeps of different names; chosen as one column, they match by their values."""
+    one, other = a_run(tmp_path / "one"), renamed(a_run(tmp_path / "other", pss=(50.0, 400.0)), "mine")
+    assert program(["compare", str(one), str(other), "--rows", rows]) == 2
+    shown = capsys.readouterr()
+    (line,) = shown.err.strip().splitlines()
+    for words in ("one has zoom; other has mine", "allowed", "RUN@sweep=NAME"):
+        assert words in line
+    assert not shown.out.strip()
+    assert main([f"{one}@sweep=zoom", f"{other}@sweep=mine", "--rows", rows]) == 0
+    assert "mine ÷ zoom" in capsys.readouterr().out
+
+
+def test_rows_of_a_table_that_is_missing_or_empty_are_one_line(tmp_path, capsys):
+    """Which side lacks it is in the line."""
+    one, other = a_run(tmp_path / "one"), a_run(tmp_path / "other")
+    assert program(["compare", str(one), str(other), "--rows", "slopes"]) == 2
+    assert "one and other has no such table" in capsys.readouterr().err
+    (one / "slopes.csv").write_text("")
+    (other / "slopes.csv").write_text("")
+    assert program(["compare", str(one), str(other), "--rows", "slopes"]) == 2
+    assert "one and other has an empty one" in capsys.readouterr().err
+
+
+def test_a_comparison_of_nothing_alike_says_so_and_shows_the_settings(tmp_path, capsys):
+    """Without --rows the settings are a result; one line says that they are all."""
+    one, other = a_run(tmp_path / "one"), renamed(a_run(tmp_path / "other", 8.0), "mine")
+    assert main([str(one), str(other), "--out", str(tmp_path / "page.html")]) == 0
+    printed = capsys.readouterr().out
+    assert "scene.sensor.exposure_ms" in printed
+    assert "they share no sweep" in printed
+    assert (tmp_path / "page.html").exists()
+
+
+@pytest.mark.parametrize("slopes", ["", "sweep,parameter,noise_model,measured_slope\n", "sweep,noise_model\nx,other\n"])
+def test_a_table_without_the_chosen_rows_costs_no_page(tmp_path, slopes):
+    """A selection has no slopes; the page is made, and states which table it is without."""
+    folder = a_run(tmp_path / "run")
+    (folder / "slopes.csv").write_text(slopes)
+    sides = [f"{folder}@noise_model=as-printed", f"{folder}@noise_model=physical"]
+    assert main([*sides, "--out", str(tmp_path / "page.html")]) == 0
+    assert "slopes.csv has no rows for as-printed and physical" in (tmp_path / "page.html").read_text()
+
+
+def long_scene(**changed):
+    """A scene of many keys."""
+    cameras = [{"name": str(n), "zoom": 3.0, "focus_distance_m": 4.0} | changed for n in range(20)]
+    return {"sensor": {"exposure_ms": 4.0}, "cameras": cameras}
+
+
+def test_one_scene_in_two_sweeps_of_different_names_has_no_differences(tmp_path):
+    """Each key of the scene was listed twice, as missing from the other: 293 of the room's."""
+    one, other = (renamed(a_run(tmp_path / name), name, long_scene()) for name in ("first", "second"))
+    assert settings_rows(sides_of([str(one), str(other)])) == [{"key": "sweeps", "first": "first", "second": "second"}]
+    third = renamed(a_run(tmp_path / "third"), "third", long_scene(zoom=2.0))
+    rows = settings_rows(sides_of([str(one), str(third)]))
+    assert {row["key"] for row in rows} == {"sweeps", *(f"scene.cameras.{n}.zoom" for n in range(20))}
+    assert {(row["first"], row["third"]) for row in rows if row["key"] != "sweeps"} == {("3.0", "2.0")}
+
+
+def test_many_differences_are_counted_by_table(tmp_path, capsys):
+    """Not page after page; --rows settings has all of them."""
+    one = renamed(a_run(tmp_path / "one"), "mine", long_scene())
+    other = renamed(a_run(tmp_path / "other"), "mine", long_scene(zoom=2.0) | {"sensor": {"exposure_ms": 8.0}})
+    rows = settings_rows(sides_of([str(one), str(other)]))
+    assert len(rows) == 21
+    assert [row["key"] for row in summarised(rows)] == [
+        "scene.sensor.exposure_ms",
+        "scene.cameras: 20 keys, such as 0.zoom",
+    ]
+    assert main([str(one), str(other), "--no-report"]) == 0
+    assert "--rows settings" in capsys.readouterr().out
+    assert main([str(one), str(other), "--rows", "settings"]) == 0
+    assert capsys.readouterr().out.count("scene.cameras.") == 20

@@ -25,6 +25,10 @@ Row = dict[str, object]
 COLUMNS_FOR_KEYS, COLUMNS_A_RUN = 60, 60
 # Comparisons that are shown whole; of others, what has no interval is left to --rows.
 OF_STEPS = ("measured", "predicted")
+ALLOWED = "; allowed: runs with the same sweeps and values, or cameras"
+TITLE = "What differs in the runs' settings"
+# Settings that differ beyond this number are counted by the table they are in, where it has several.
+MOST_SETTINGS, SEVERAL = 12, 3
 # Other keys that all rows of a printed table share say nothing.
 ALWAYS_SHOWN = ("value", "noise_model")
 
@@ -66,10 +70,14 @@ def run(
     if not rows and len({side.folder.resolve() for side in sides}) == 1:  # one run, which measured one thing
         shown = ["predicted", *shown[2:]]
     if "settings" in shown:
-        _show_settings(sides, console)
+        _show_settings(sides, console, short=rows is None)
+    if rows in QUANTITIES:
+        compared(sides, rows)  # raises where nothing is alike
     for name in shown:
         for quantity in QUANTITIES.get(name, ()):
             _show(sides, name, quantity, console, short=rows is None)
+    if rows is None and not any(matched(sides, quantity) for name in OF_STEPS for quantity in QUANTITIES[name]):
+        console.print(nothing_alike(sides, "measured"), markup=False, highlight=False, soft_wrap=True)
     if report and (out is not None or rows is None):
         console.print(str(_page(sides, out)), markup=False, highlight=False, soft_wrap=True)
     return 0
@@ -92,16 +100,28 @@ def compared(sides: Sequence[Side], name: str) -> list[Row]:
         return settings_rows(sides)
     found = [row for quantity in QUANTITIES[name] for row in matched(sides, quantity)]
     if not found:
-        tables = ", ".join(sorted({f"{quantity.table}.csv" for quantity in QUANTITIES[name]}))
-        raise StoreError(
-            f"nothing in {tables} of {', '.join(str(side.folder) for side in sides)} is alike; "
-            "allowed: runs with the same sweeps and values, or cameras"
-        )
+        raise StoreError(nothing_alike(sides, name))
     head = dict.fromkeys(key for row in found for key in row)
     return [{key: row.get(key) for key in head} for row in found]
 
 
-def _show_settings(sides: Sequence[Side], console: Console) -> None:
+def nothing_alike(sides: Sequence[Side], name: str) -> str:
+    """One line on a comparison whose rows have no like: what each side has, and what is allowed."""
+    table = QUANTITIES[name][0].table
+    rows = {side.label: side.table(table) for side in sides}
+    missing = [label for label, own in rows.items() if own is None]
+    empty = [label for label, own in rows.items() if own is not None and not own]
+    line = f"{name}: no row of {table}.csv is alike in {', '.join(rows)}"
+    if missing or empty:
+        return f"{line}: {' and '.join(missing or empty)} has {'no such table' if missing else 'an empty one'}" + ALLOWED
+    sweeps = [dict.fromkeys(row.get("sweep", "") for row in own or []) for own in rows.values()]
+    if set.intersection(*(set(each) for each in sweeps)):
+        return f"{line}: their steps differ" + ALLOWED
+    have = "; ".join(f"{label} has {', '.join(own)}" for label, own in zip(rows, sweeps, strict=True))
+    return f"{line}: they share no sweep ({have}){ALLOWED}, or sweeps of other names chosen by RUN@sweep=NAME"
+
+
+def _show_settings(sides: Sequence[Side], console: Console, short: bool) -> None:
     for side in sides:
         if side.settings() is None:
             console.print(f"{side.folder} has no run.json: its settings are not known", markup=False, highlight=False)
@@ -109,12 +129,29 @@ def _show_settings(sides: Sequence[Side], console: Console) -> None:
     if not rows:
         console.print("no setting differs", highlight=False)
         return
-    table = Table(title="What differs in the runs' settings")
+    counted = summarised(rows) if short else rows
+    table = Table(title=f"{TITLE}: {len(rows)} keys" if len(rows) > MOST_SETTINGS else TITLE)
     for name in rows[0]:
         table.add_column(name, overflow="fold")
-    for row in rows:
+    for row in counted:
         table.add_row(*(str(value) for value in row.values()))
     console.print(table)
+    if len(counted) < len(rows):
+        console.print("all of them: --rows settings", highlight=False)
+
+
+def summarised(rows: Sequence[Row]) -> list[Row]:
+    """Rows of settings; beyond `MOST_SETTINGS` one stands for all keys of a table, such as those of scene.cameras."""
+    if len(rows) <= MOST_SETTINGS:
+        return list(rows)
+    tables: dict[str, list[Row]] = {}
+    for row in rows:
+        tables.setdefault(".".join(str(row["key"]).split(".")[:2]), []).append(row)
+    found: list[Row] = []
+    for name, own in tables.items():
+        first = own[0] | {"key": f"{name}: {len(own)} keys, such as {str(own[0]['key']).removeprefix(f'{name}.')}"}
+        found += [first] if len(own) > SEVERAL else own
+    return found
 
 
 def _show(sides: Sequence[Side], name: str, quantity: Quantity, console: Console, short: bool) -> None:

@@ -106,6 +106,11 @@ def left_out(sides: Sequence[Side], names: Sequence[str]) -> list[str]:
             found.append(f"{table}.csv has no column {columns} to choose by for {_listed(lack)}.")
         else:
             found.append(f"{table}.csv: {_listed(have)} left one, {_listed(lack)} did not.")
+    for table in tables:
+        of_sides = [side.table(table) for side in sides]
+        empty = [name for name, own in zip(names, of_sides, strict=True) if own is not None and not own]
+        if empty and all(own is not None for own in of_sides):
+            found.append(f"{table}.csv has no rows for {_listed(empty)}.")
     found += [
         f"{table}.csv: no row of {names[0]} has its like in all others."
         for table in dict.fromkeys(quantity.table for each in QUANTITIES.values() for quantity in each)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -47,11 +47,7 @@ class Side:
     chosen: Mapping[str, str]
 
     def table(self, name: str) -> list[Row] | None:
-        """The rows of `name`.csv that are meant; None if the run left no such table, or one without what is chosen.
-
-        Raises:
-            StoreError: a value that the chosen column lacks.
-        """
+        """The rows of `name`.csv that are meant; None if the run left no such table, or one without a chosen column."""
         path = self.folder / f"{name}.csv"
         if not path.is_file():
             return None
@@ -59,13 +55,7 @@ class Side:
             rows = list(csv.DictReader(file))
         if rows and not set(self.chosen) <= set(rows[0]):
             return None
-        for column, value in self.chosen.items():
-            known = sorted({row[column] for row in rows if column in row})
-            if value not in known:
-                hint, _ = nearest(value, known)
-                raise StoreError(f"{path} has no {column} = {value}{hint}; allowed: {', '.join(known)}")
-            rows = [row for row in rows if row[column] == value]
-        return rows
+        return [row for row in rows if all(row[column] == value for column, value in self.chosen.items())]
 
     def settings(self) -> dict[str, str] | None:
         """What the run's `run.json` says, by dotted key; None without one."""
@@ -83,7 +73,8 @@ def sides_of(said: Sequence[str]) -> list[Side]:
     """The sides that the command line names, such as "results/a" or "results/a@noise_model=physical".
 
     Raises:
-        StoreError: fewer than two, one twice, a folder that is none, or a selection that is not COLUMN=VALUE.
+        StoreError: fewer than two, one twice, a folder that is none, a selection that is not COLUMN=VALUE, or one of a
+            column or value that no table of the run has.
     """
     if len(said) < 2:
         raise StoreError(f"{len(said)} given to compare; allowed: two folders of results or more")
@@ -108,6 +99,10 @@ def _parsed(said: str) -> tuple[Path, dict[str, str]]:
         if column not in known:
             hint, _ = nearest(column, known)
             raise StoreError(f"{said}: no table has a column {column!r}{hint}; allowed: {', '.join(known)}")
+        values = sorted({row for path in Path(folder).glob("*.csv") for row in _values(path, column)})
+        if value not in values:
+            hint, _ = nearest(value, values)
+            raise StoreError(f"{said}: no table has {column} = {value}{hint}; allowed: {', '.join(values)}")
         chosen[column] = value
     return Path(folder), chosen
 
@@ -115,6 +110,12 @@ def _parsed(said: str) -> tuple[Path, dict[str, str]]:
 def _head(path: Path) -> list[str]:
     with path.open(newline="", encoding="utf-8") as file:
         return next(csv.reader(file), [])
+
+
+def _values(path: Path, column: str) -> set[str]:
+    """The values of one column; none where there is no such column."""
+    with path.open(newline="", encoding="utf-8") as file:
+        return {row[column] for row in csv.DictReader(file) if row.get(column)}
 
 
 def _labels(parsed: Sequence[tuple[Path, dict[str, str]]]) -> list[str]:
@@ -134,11 +135,11 @@ def _labels(parsed: Sequence[tuple[Path, dict[str, str]]]) -> list[str]:
 def settings_rows(sides: Sequence[Side]) -> list[dict[str, object]]:
     """A row for each key of the runs' files that is not the same in all, a column for each side; "" where it lacks.
 
-    What the scenes or sweeps of a run have in common is said once. Sweeps that not all runs had are named, and not
-    looked into.
+    What the scenes or sweeps of a run have in common counts once. Sweeps that not all runs had are named, and their own
+    keys are not compared; where the runs have no sweep in common, their scenes are compared all the same.
     """
-    said = [side.settings() for side in sides]
-    known = [each if each is not None else {} for each in said]
+    settings = [side.settings() for side in sides]
+    known = [each if each is not None else {} for each in settings]
     sweeps = [dict.fromkeys(key.split(".")[1] for key in each if key.startswith("sweeps.")) for each in known]
     common = set.intersection(*(set(each) for each in sweeps)) if sweeps else set()
     if common:
@@ -147,6 +148,8 @@ def settings_rows(sides: Sequence[Side]) -> list[dict[str, object]]:
             | {k: value for k, value in each.items() if k.split(".")[0] not in BY_SWEEP or k.split(".")[1] in common}
             for each, own in zip(known, sweeps, strict=True)
         ]
+    elif any(sweeps):
+        known = [_by_scene(each, own) for each, own in zip(known, sweeps, strict=True)]
     rows: dict[tuple[str, ...], None] = {}
     for key in dict.fromkeys(key for each in known for key in each):
         values = tuple(each.get(key, "") for each in known)
@@ -155,6 +158,22 @@ def settings_rows(sides: Sequence[Side]) -> list[dict[str, object]]:
             name = f"{BY_SWEEP[first]}.{rest.partition('.')[2]}" if first in BY_SWEEP and rest else key
             rows[name, *values] = None
     return [{"key": name, **dict(zip((s.label for s in sides), values, strict=True))} for name, *values in rows]
+
+
+def _by_scene(settings: Mapping[str, str], sweeps: Iterable[str]) -> dict[str, str]:
+    """A run's settings without its sweeps' own, the keys of its scenes without the sweeps' names.
+
+    Where its sweeps' scenes differ in a key, all their values stand together.
+    """
+    found = {"sweeps": ", ".join(sweeps)}
+    of_scene: dict[str, dict[str, None]] = {}
+    for key, value in settings.items():
+        first, _, rest = key.partition(".")
+        if first not in BY_SWEEP:
+            found[key] = value
+        elif BY_SWEEP[first] == "scene":
+            of_scene.setdefault(f"scene.{rest.partition('.')[2]}", {})[value] = None
+    return found | {key: " or ".join(values) for key, values in of_scene.items()}
 
 
 def _flat(value: Any, prefix: str = "") -> dict[str, str]:
