@@ -12,8 +12,8 @@ from pydantic import Field
 from scenes.document import check_once, named_file, read_spec
 from scenes.errors import Location, Problems
 from scenes.inside import scene_of
-from scenes.limits import LONGEST_TITLE, MOST_FRAMES, MOST_RUNS, MOST_STEPS, MOST_TRIALS
-from scenes.quantities import Metres
+from scenes.limits import LONGEST_TITLE, MOST_FRAMES, MOST_RUNS, MOST_STEPS
+from scenes.quantities import Metres, Trials
 from scenes.spec import Name, Number, Positive, Spec, known
 
 __all__ = [
@@ -39,9 +39,6 @@ Range = Annotated[tuple[Number, Number], Field(description="[lowest, highest], i
 PerSecond = Annotated[Positive, Field(description="a number above 0, each second")]
 Rate = Annotated[Positive, Field(description="a number above 0, in frames a second")]
 Density = Annotated[Positive, Field(description="a number above 0, in m²/s³")]
-Trials = Annotated[
-    int, Field(strict=True, ge=2, le=MOST_TRIALS, description=f"a whole number, 2 or more, at most {MOST_TRIALS}")
-]
 
 
 class WalkSpec(Spec):

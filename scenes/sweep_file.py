@@ -13,7 +13,8 @@ from pydantic import Field
 from scenes.document import check_once, named_file, read_spec
 from scenes.errors import Location, Problems, nearest
 from scenes.inside import scene_of
-from scenes.limits import LONGEST_TITLE, MOST_TRIALS
+from scenes.limits import LONGEST_TITLE
+from scenes.quantities import Trials
 from scenes.scene_steps import SceneStepsSpec, check_steps
 from scenes.spec import Number, Spec, one_of
 from scenes.vary import (
@@ -46,10 +47,7 @@ class SweepSpec(Spec):
             strict=True, min_length=1, max_length=LONGEST_TITLE, description=f"text, {LONGEST_TITLE} characters at most"
         ),
     ]
-    # A half of the trials judges what the other half chose.
-    trials: Annotated[
-        int, Field(strict=True, ge=2, le=MOST_TRIALS, description=f"a whole number, 2 or more, at most {MOST_TRIALS}")
-    ]
+    trials: Trials
     seed: Annotated[int, Field(strict=True, ge=0, description="a whole number, 0 or more")]
     render_noise_ratio: Annotated[
         Number, Field(gt=0, le=10, description="a number above 0, at most 10: of the sensor's noise (σ)")

@@ -17,6 +17,8 @@ SAME_TO_ROUNDING = 1e-12
 QUADRATURE = 1e-7
 # Standard errors: a Monte Carlo mean beyond this happens once in 15 000, and the seeds are fixed.
 STANDARD_ERRORS = 4.0
+# Of the shortfall that a docstring states to a hundredth: its rounding, and the chance of 40,000 points.
+WITHIN_SHORTFALL = 0.015
 # Triangulation errors are long along the line of sight; so slender that the largest eigenvalue is one component's.
 SLENDER = np.array([1.0, 1e-3, 1e-3])
 
@@ -130,12 +132,27 @@ def test_bias_of_inverse_sigma_at_the_ends():
     assert inverse_sigma_bias(1e6) == pytest.approx(1 + 0.75e-6, abs=2e-9)
 
 
-@pytest.mark.parametrize("trials", [5, 10, 20])
+@pytest.mark.parametrize("trials", [2, 3, 5, 10, 20])
 def test_measured_pss_has_no_bias_by_monte_carlo(trials):
     rng = np.random.default_rng(trials)
     measured = MeasuredErrors(rng.normal(size=(trials, 40_000, 3)) * SLENDER * 1e-3)
     assert within_standard_errors(measured.inverse_sigma, 1e3)
     assert not within_standard_errors(1 / measured.sigma_m, 1e3)
+
+
+@pytest.mark.parametrize(
+    ("trials", "elongation", "shortfall"),
+    [(2, 10, 0.10), (2, 3, 0.30), (3, 10, 0.02), (3, 3, 0.15), (20, 10, 0.001), (20, 3, 0.008)],
+)
+def test_the_shortfall_of_few_trials_is_the_stated_one(trials, elongation, shortfall):
+    """A world of known covariances, each a random rotation of diag(1, 1/r², 1/r²): measured over true PSS."""
+    rng = np.random.default_rng(trials)
+    sigma = np.exp(rng.normal(0, 0.4, 40_000)) * 1e-3
+    axes = scipy.stats.special_ortho_group(3, seed=rng).rvs(40)
+    errors = rng.normal(size=(trials, len(sigma), 3)) * [1, 1 / elongation, 1 / elongation] * sigma[:, None]
+    turned = np.einsum("tnj,nij->tni", errors, np.tile(axes, (1000, 1, 1)))
+    ratio = MeasuredErrors(turned).pss() / (1 / sigma).mean()
+    assert ratio == pytest.approx(1 - shortfall, abs=WITHIN_SHORTFALL)
 
 
 def test_detection_rate_enters_once():
@@ -160,9 +177,10 @@ def test_measured_pss_without_correction_is_equation_ten():
 
 
 def test_too_few_trials_count_zero():
-    """Over two trials 1/σ̂ still has a mean, but no variance: one lucky point could be the whole PSS."""
+    """Over one trial 1/σ̂ has no mean; over two it has, √π times 1/σ."""
     terms = measured_inverse_sigma([1.0] * 4, 1.0, [1, 2, 3, np.inf])
-    np.testing.assert_allclose(terms, [0, 0, 1 / inverse_sigma_bias(3), 1], rtol=SAME_TO_ROUNDING)
+    expected = [0, 1 / math.sqrt(math.pi), 1 / inverse_sigma_bias(3), 1]
+    np.testing.assert_allclose(terms, expected, rtol=SAME_TO_ROUNDING)
 
 
 @pytest.mark.parametrize("shape", [(4, 3), (4, 2, 2), (0, 2, 3), (4, 0, 3)])

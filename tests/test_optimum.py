@@ -8,11 +8,11 @@ from types import SimpleNamespace
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from rich.console import Console
 
 from tests import made_up_run as made_up
 from tests.test_sweep_run import SCENE, SWEEP
 from validate.claims import claim_rows
+from validate.console import Console
 from validate.figures import draw_curves
 from validate.optimum import optimum
 from validate.report.curves import curves_figure

@@ -120,7 +120,8 @@ def draw_curves(axes: Axes, result: SweepResult, single_frame: bool) -> None:
     best = measured.max() or 1.0
     if single_frame:
         low, high = interval(next(iter(result.replicates.values())).measured_pss)
-        axes.fill_between(x, low / best, high / best, color=MEASURED, alpha=0.15, lw=0, label="95 % interval")
+        if np.isfinite(low).all():
+            axes.fill_between(x, low / best, high / best, color=MEASURED, alpha=0.15, lw=0, label="95 % interval")
     _curve(axes, x, measured, MEASURED, "o-", "measured")
     for number, model in enumerate(result.noise_models):
         colour = MODEL_COLOURS[number % len(MODEL_COLOURS)]
@@ -139,7 +140,8 @@ def draw_curves(axes: Axes, result: SweepResult, single_frame: bool) -> None:
 def _slopes(axes: Axes, result: SweepResult, found: Slopes) -> None:
     """RMS over the steps of a sweep of one factor, each curve relative to its first step, with its slope."""
     x = np.array([float(c.value) for c in result.configurations])
-    said = f"measured: slope {found.measured:+.2f} [{found.low:+.2f}, {found.high:+.2f}]"
+    said = f"measured: slope {found.measured:+.2f}"
+    said += f" [{found.low:+.2f}, {found.high:+.2f}]" if np.isfinite(found.low) else ""
     axes.plot(x, found.measured_rms_m / found.measured_rms_m[0], "o-", color=MEASURED, ms=4, lw=1.5, label=said)
     for number, (model, rms) in enumerate(found.predicted_rms_m.items()):
         colour, said = MODEL_COLOURS[number % len(MODEL_COLOURS)], f"{model}: {found.predicted[model]:+.2f}"

@@ -17,6 +17,7 @@ from scenes import Scene, SceneError, SweepFile, known_sweeps, load_scene, load_
 from validate import claims, compare, figures, slopes, summary, tables
 from validate.acquire import Acquired, Acquisition, acquire, with_whole_views
 from validate.dry_run import announce, exposures_assumed
+from validate.errors3d import FEWEST_TRIALS
 from validate.exit_codes import EXIT_DONE, EXIT_FAILED
 from validate.expose import with_exposures
 from validate.file_names import check_default_folder, check_names, sweep_name
@@ -153,7 +154,7 @@ def _check(options: Options) -> None:
     if not options.sweeps:
         raise RangeError(f"no sweep given; allowed: {', '.join(known_sweeps())}, or the paths of .toml files")
     if options.trials is not None and options.trials < 2:
-        raise RangeError(f"--trials {options.trials}; allowed: 2 or more (choices are made and scored on two halves)")
+        raise RangeError(f"--trials {options.trials}; allowed: {FEWEST_TRIALS} or more (one has no spread)")
     if options.seed is not None and options.seed < 0:
         raise RangeError(f"--seed {options.seed}; allowed: 0 or more")
     names = [sweep_name(name) for name in options.sweeps]

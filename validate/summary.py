@@ -12,7 +12,8 @@ from validate.acquire import Acquired
 from validate.claims import claim_rows
 from validate.compare import Correlation, headline
 from validate.console import Console
-from validate.intervals import oracle_regret
+from validate.errors3d import FEWEST_TRIALS
+from validate.intervals import FEWEST_RESAMPLED, oracle_regret
 from validate.optimum import NO_OPTIMUM, optimum
 from validate.slopes import slope_rows
 from validate.sweep import SweepResult
@@ -70,7 +71,12 @@ def _best_value(result: SweepResult, pss: NDArray[np.float64]) -> str:
 def _rho(found: Correlation) -> str:
     if np.isnan(found.rho):
         return "undefined"
-    return f"{found.rho:+.2f} [{found.low:+.2f}, {found.high:+.2f}]"
+    return f"{found.rho:+.2f}{_limits(found.low, found.high, '+.2f')}"
+
+
+def _limits(low: float, high: float, digits: str) -> str:
+    """The ends of an interval after its value; nothing where it has none."""
+    return "" if np.isnan(low) else f" [{low:{digits}}, {high:{digits}}]"
 
 
 def _claims_table(results: Sequence[SweepResult]) -> Table:
@@ -80,9 +86,7 @@ def _claims_table(results: Sequence[SweepResult]) -> Table:
     for result in results:
         for row in claim_rows(result):
             side = " ".join(filter(None, (str(row["side"]), str(row["noise_model"]))))
-            value = f"{row['value']:.3g}"
-            if not np.isnan(row["ci_low"]):
-                value += f" [{row['ci_low']:.3g}, {row['ci_high']:.3g}]"
+            value = f"{row['value']:.3g}{_limits(row['ci_low'], row['ci_high'], '.3g')}"
             table.add_row(row["sweep"], row["claim"], side, row["holds"], row["figure"], value)
         table.add_section()
     return table
@@ -97,8 +101,8 @@ def _slopes_table(results: Sequence[SweepResult]) -> Table:
         table.add_column(name, justify="right")
     for result in results:
         for row in slope_rows(result):
-            measured = f"{row['measured_slope']:+.2f}"
-            measured += f" [{row['measured_slope_ci_low']:+.2f}, {row['measured_slope_ci_high']:+.2f}]"
+            limits = (row["measured_slope_ci_low"], row["measured_slope_ci_high"])
+            measured = f"{row['measured_slope']:+.2f}{_limits(*limits, '+.2f')}"
             words = (row["sweep"], row["parameter"], row["points"], row["noise_model"])
             table.add_row(*(str(word) for word in words), f"{row['predicted_slope']:+.2f}", measured)
         table.add_section()
@@ -126,6 +130,12 @@ def _remarks(result: SweepResult, acquired: Acquired, console: Console) -> None:
                 console.print(f"{where}: no marker found in the view of camera {camera.name}", markup=False)
         if not assessment.measured.errors.detected.any() and len(configuration.cameras) > 1:
             console.print(f"{where}: no point triangulated (measured PSS 0)", markup=False)
+        elif assessment.measured.errors.detected.any() and assessment.measured.errors.pss() == 0:
+            console.print(f"{where}: no point triangulated in {FEWEST_TRIALS} trials (measured PSS 0)", markup=False)
+    trials = result.plan.sweep.trials
+    if trials < 2 * FEWEST_TRIALS:
+        lost = "intervals of what is measured, and regret" if trials < FEWEST_RESAMPLED else "regret"
+        console.print(f"{name}: {trials} trials are too few for {lost}; {2 * FEWEST_TRIALS} allow both", markup=False)
     if result.assessments:
         shares = np.array([assessment.measured.errors.noise_share for assessment in result.assessments])
         known = shares[np.isfinite(shares)]

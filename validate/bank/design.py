@@ -14,12 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pss import PTZCamera
+from pss import PTZCamera, RangeError
 from render.sampling import Sampling
 from render.view import random_stream
 from scenes import Scene
 from validate.acquire import Acquired, Acquisition, views_of
 from validate.bank.phase import joined, turned
+from validate.errors3d import FEWEST_TRIALS
 from validate.measure import ViewMeasurement
 
 __all__ = ["BankDesign", "BankView", "ViewBank", "draw_configurations", "held_out_views", "training_views"]
@@ -58,6 +59,10 @@ class BankDesign:
     aim_share: float = 0.2
     noise_ratio: float = 0.6
     seed: int = 1
+
+    def __post_init__(self) -> None:
+        if self.trials < FEWEST_TRIALS:
+            raise RangeError(f"--trials {self.trials}; allowed: {FEWEST_TRIALS} or more (one has no spread)")
 
 
 @dataclass(frozen=True, eq=False)

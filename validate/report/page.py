@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -195,15 +196,18 @@ def _step_rows(table: SweepTable) -> list[dict[str, Any]]:
             "label": label,
             "cameras": " ".join(table.camera_names[n]),
             "predicted": [written(table.predicted_pss(model, single).values[n], 4) for model in table.models],
-            "measured": "{} [{}, {}]".format(
-                *(written(v[n], 4) for v in (measured.values, measured.low, measured.high))
-            ),
+            "measured": _with_limits(measured.values[n], measured.low[n], measured.high[n]),
             "filter": written(table.measured_pss(KINDS[1]).values[n], 4),
             "points": f"{columns['detected'][n]:.0f} of {columns['points'][n]:.0f}",
             "rms": f"{columns['measured_rms_m'][n] * MM:.3g}",
         }
         for n, label in enumerate(table.labels)
     ]
+
+
+def _with_limits(value: float, low: float, high: float) -> str:
+    """A number with its interval's ends, if it has one."""
+    return written(value, 4) + ("" if math.isnan(low) else f" [{written(low, 4)}, {written(high, 4)}]")
 
 
 def _data(section: Section) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from validate.errors3d import FEWEST_TRIALS
 from validate.findings.tables import Row
 from validate.optimum import NO_OPTIMUM
 from validate.report.data import KINDS, Kind, SweepTable
@@ -136,7 +137,9 @@ def in_words(table: SweepTable) -> str:
     )
     measured = table.measured_pss(KINDS[0]).values
     if not measured.any():
-        return "No point was triangulated at any step: there is nothing to compare the prediction with."
+        once = table.steps[table.models[0]]["detected"].any()
+        said = f"in {FEWEST_TRIALS} trials or more, as a measured σ takes, " if once else ""
+        return f"No point was triangulated {said}at any step: there is nothing to compare the prediction with."
     said = (
         f"Predicted single-frame PSS (noise model {single.model}) {single.standing} the measured one over the "
         f"{single.steps} steps: Spearman’s ρ = {single.rho_text}. "

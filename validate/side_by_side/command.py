@@ -113,7 +113,9 @@ def nothing_alike(sides: Sequence[Side], name: str) -> str:
     empty = [label for label, own in rows.items() if own is not None and not own]
     line = f"{name}: no row of {table}.csv is alike in {', '.join(rows)}"
     if missing or empty:
-        return f"{line}: {' and '.join(missing or empty)} has {'no such table' if missing else 'an empty one'}" + ALLOWED
+        return (
+            f"{line}: {' and '.join(missing or empty)} has {'no such table' if missing else 'an empty one'}" + ALLOWED
+        )
     sweeps = [dict.fromkeys(row.get("sweep", "") for row in own or []) for own in rows.values()]
     if set.intersection(*(set(each) for each in sweeps)):
         return f"{line}: their steps differ" + ALLOWED
