@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from pss import RangeError
+from validate.csv_files import csv_text
 
 __all__ = ["TABLE_KINDS", "table_text", "written"]
 
@@ -68,10 +67,7 @@ def _field(value: object, digits: int) -> str:
 
 
 def _csv(head: list[str], body: list[list[str]], _numeric: list[bool]) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerows([head, *body])
-    return text.getvalue()
+    return csv_text(head, body)
 
 
 def _markdown(head: list[str], body: list[list[str]], numeric: list[bool]) -> str:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
@@ -17,6 +15,7 @@ from render.view import Certificate
 from scenes import Configuration
 from validate.acquire import Acquired, Acquisition
 from validate.assess import Assessment, Measured
+from validate.csv_files import csv_text
 from validate.error_budget import error_budget
 from validate.intervals import interval
 from validate.store import write_text
@@ -34,12 +33,8 @@ DIGITS = 7
 
 def write_csv(path: Path, rows: Sequence[Mapping[str, object]]) -> None:
     """Write rows with the first row's keys as the head; nan is an empty field."""
-    text = io.StringIO()
-    if rows:
-        writer = csv.DictWriter(text, fieldnames=list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows({key: _field(value) for key, value in row.items()} for row in rows)
-    write_text(path, text.getvalue())
+    head = list(rows[0]) if rows else []
+    write_text(path, csv_text(head, ([_field(row[key]) for key in head] for row in rows)) if rows else "")
 
 
 def _field(value: object) -> object:

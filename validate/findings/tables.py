@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+
+from validate.csv_files import read_csv
 
 __all__ = ["Row", "Tables", "all_of", "number", "one_of", "percent", "read_tables", "with_range"]
 
@@ -14,11 +15,7 @@ Tables = Mapping[str, Sequence[Row]]
 
 def read_tables(folder: Path) -> dict[str, list[dict[str, str]]]:
     """The CSV files of a folder, by name without the ending."""
-    found = {}
-    for path in sorted(folder.glob("*.csv")):
-        with path.open(encoding="utf-8", newline="") as file:
-            found[path.stem] = list(csv.DictReader(file))
-    return found
+    return {path.stem: read_csv(path) for path in sorted(folder.glob("*.csv"))}
 
 
 def all_of(rows: Sequence[Row], **wanted: str) -> list[Row]:

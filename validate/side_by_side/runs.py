@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from scenes.errors import nearest
+from validate.csv_files import read_csv, read_head
 from validate.store import StoreError
 
 __all__ = ["Side", "settings_rows", "sides_of"]
@@ -51,8 +51,7 @@ class Side:
         path = self.folder / f"{name}.csv"
         if not path.is_file():
             return None
-        with path.open(newline="", encoding="utf-8") as file:
-            rows = list(csv.DictReader(file))
+        rows = read_csv(path)
         if rows and not set(self.chosen) <= set(rows[0]):
             return None
         return [row for row in rows if all(row[column] == value for column, value in self.chosen.items())]
@@ -95,7 +94,7 @@ def _parsed(said: str) -> tuple[Path, dict[str, str]]:
         column, equals, value = part.partition("=")
         if not (column and equals and value):
             raise StoreError(f"{said}: {part!r}; allowed after @: COLUMN=VALUE, such as noise_model=physical")
-        known = sorted({name for path in Path(folder).glob("*.csv") for name in _head(path)})
+        known = sorted({name for path in Path(folder).glob("*.csv") for name in read_head(path)})
         if column not in known:
             hint, _ = nearest(column, known)
             raise StoreError(f"{said}: no table has a column {column!r}{hint}; allowed: {', '.join(known)}")
@@ -107,15 +106,9 @@ def _parsed(said: str) -> tuple[Path, dict[str, str]]:
     return Path(folder), chosen
 
 
-def _head(path: Path) -> list[str]:
-    with path.open(newline="", encoding="utf-8") as file:
-        return next(csv.reader(file), [])
-
-
 def _values(path: Path, column: str) -> set[str]:
     """The values of one column; none where there is no such column."""
-    with path.open(newline="", encoding="utf-8") as file:
-        return {row[column] for row in csv.DictReader(file) if row.get(column)}
+    return {row[column] for row in read_csv(path) if row.get(column)}
 
 
 def _labels(parsed: Sequence[tuple[Path, dict[str, str]]]) -> list[str]:
