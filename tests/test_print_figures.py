@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
-from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -13,8 +11,7 @@ from matplotlib.figure import Figure
 
 from pss import RangeError
 from scenes import load_scene, load_sweep
-from validate.assess import predict
-from validate.check.estimated_light import estimated_appearance
+from tests.predicted_result import predicted_result
 from validate.print_figures.command import run
 from validate.print_figures.save import print_style, save
 from validate.print_figures.static import ILLUSTRATED, SWEEPS, shown_steps, static_figure, static_rows
@@ -25,26 +22,7 @@ ROOT = Path(__file__).parents[1]
 @pytest.fixture(scope="module")
 def result():
     """The selection sweep with its predictions, and measured numbers that are made up."""
-    sweep = load_sweep("selection")
-    scene = load_scene(sweep.scene_path)
-    scene = dataclasses.replace(scene, state=dataclasses.replace(scene.state, markers=scene.state.markers[::4]))
-    steps = tuple(dataclasses.replace(step, scene=scene) for step in sweep.configurations(scene))
-    look = estimated_appearance(scene.state)
-    predicted = [predict(scene, step.cameras, look) for step in steps]
-    measured = np.linspace(1.0, 2.0, len(steps))
-    draws = np.array([0.9, 1.0, 1.1])[:, None] * measured
-    models = tuple(model.name for model in scene.noise_models)
-    return SimpleNamespace(
-        plan=SimpleNamespace(sweep=sweep, scene=scene),
-        configurations=steps,
-        assessments=[SimpleNamespace(predicted=each) for each in predicted],
-        noise_models=models,
-        replicates={model: SimpleNamespace(measured_pss=draws) for model in models},
-        measured_pss=lambda single_frame=True: measured * (1 if single_frame else 3),
-        predicted_pss=lambda model, single_frame=True: np.array(
-            [each[model].pss_single_frame if single_frame else each[model].pss for each in predicted]
-        ),
-    )
+    return predicted_result("selection")
 
 
 @pytest.mark.parametrize("number", sorted(SWEEPS))
@@ -73,7 +51,7 @@ def test_a_figure_has_its_illustrations_and_curves(result):
     """Two views in space with cameras' numbers, two plots, one scale of colours."""
     with print_style():
         figure = static_figure(3, result)
-    spaces = [axes for axes in figure.axes if axes.name == "3d"]
+    spaces = figure.axes[:2]
     assert [axes.get_title().partition(",")[0] for axes in spaces] == ["cameras 1+3", "cameras 1+6"]
     assert {text.get_text().strip() for text in spaces[0].texts} == set("1234567")
     assert len(figure.axes) == 5

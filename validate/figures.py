@@ -22,11 +22,12 @@ from validate.illustration import colour_scale, draw_configuration, shared_colou
 from validate.intervals import interval
 from validate.optimum import optimum
 from validate.slopes import Slopes, slopes_of
+from validate.stars import star_heights
 from validate.store import Store, atomic_path
 from validate.sweep import SweepResult
 from validate.table_text import written
 
-__all__ = ["all_drawn", "draw_all", "draw_curves", "points_figure", "source_of", "sweep_figure"]
+__all__ = ["all_drawn", "draw_all", "draw_curves", "points_figure", "shown_steps", "source_of", "sweep_figure"]
 
 Floats = NDArray[np.float64]
 
@@ -47,7 +48,7 @@ AXIS_NAMES = {
     "cameras": "number of cameras",
 }
 DPI = 130
-# Room for the star of an optimum.
+# Room over the highest star.
 ABOVE_OPTIMUM = 1.08
 # Tables that no figure shows and that differ from run to run.
 NOT_SHOWN = ("timings.csv",)
@@ -62,7 +63,7 @@ def source_of(folder: Path, results: Sequence[SweepResult]) -> str:
     for result in results:
         said = [result.plan.sweep.resolved(), result.plan.scene.resolved()]
         digest.update(json.dumps(said, sort_keys=True).encode())
-    for module in ("figures", "illustration", "contact_sheet"):
+    for module in ("figures", "illustration", "projected", "names_beside", "stars", "contact_sheet"):
         digest.update((Path(__file__).parent / f"{module}.py").read_bytes())
     return digest.hexdigest()[:24]
 
@@ -91,16 +92,19 @@ def draw_all(folder: Path, results: Sequence[SweepResult], store: Store) -> list
 
 
 def sweep_figure(result: SweepResult) -> Figure:
-    """Two configurations of a sweep in space above, predicted and measured PSS over its steps below."""
+    """The best and the worst configuration in space above, predicted and measured PSS over the steps below."""
     figure = plt.figure(figsize=(12, 10), layout="constrained")
     figure.suptitle(result.plan.sweep.title, fontsize=15)
     grid = figure.add_gridspec(2, 2, height_ratios=[1.05, 1])
-    shown = (len(result.configurations) // 4, len(result.configurations) - 1)
-    norm = shared_colours(result, shown)
-    for column, step in enumerate(shown):
-        axes = figure.add_subplot(grid[0, column], projection="3d")
+    shown = shown_steps(result)
+    norm = shared_colours(result, list(shown))
+    tops = []
+    for column, (step, words) in enumerate(shown.items()):
+        axes = figure.add_subplot(grid[0, column] if len(shown) > 1 else grid[0, :])
         draw_configuration(axes, result, step, norm)
-    bar = colour_scale(figure, figure.axes[:2], norm, shrink=0.7, pad=0.02, aspect=30)
+        axes.set_title(f"{words}: {_title(result, step)}", fontsize=11)
+        tops.append(axes)
+    bar = colour_scale(figure, tops, norm, shrink=0.7, pad=0.02, aspect=30)
     bar.set_label(f"predicted √λmax of C in mm ({result.noise_models[-1]}); grey: unobservable")
     draw_curves(figure.add_subplot(grid[1, 0]), result, single_frame=True)
     found = slopes_of(result) if result.plan.sweep.varies_scene else None
@@ -111,28 +115,56 @@ def sweep_figure(result: SweepResult) -> Figure:
     return figure
 
 
+def shown_steps(result: SweepResult) -> dict[int, str]:
+    """The steps that are drawn in space, in the sweep's order, and what they are: the best and the worst as measured.
+
+    Where nothing was measured, by the prediction of the leading noise model; where that has no best either, the first
+    and the last.
+    """
+    leading = result.noise_models[-1]
+    for pss, side in ((result.measured_pss(True), "measured"), (result.predicted_pss(leading, True), "predicted")):
+        best = optimum(pss)
+        if best is not None:
+            words = {int(np.nanargmin(pss)): f"worst {side}", best: f"best {side}"}
+            return dict(sorted(words.items()))
+    return {0: "first step", len(result.configurations) - 1: "last step"}
+
+
+def _title(result: SweepResult, step: int) -> str:
+    measured = result.measured_pss(True)[step]
+    predicted = result.predicted_pss(result.noise_models[-1], True)[step]
+    label = result.configurations[step].label
+    return f"{label}\nPSS of C: measured {written(measured, 3)} /m, predicted {written(predicted, 3)} /m"
+
+
 def draw_curves(axes: Axes, result: SweepResult, single_frame: bool) -> None:
     """PSS over the steps, each curve relative to its own maximum, which the legend gives."""
     selection = result.configurations[0].parameter == "selection"
     labels = [str(configuration.value) for configuration in result.configurations]
-    x = np.arange(len(labels)) if selection else np.array([float(c.value) for c in result.configurations])
+    x = np.arange(float(len(labels))) if selection else np.array([float(c.value) for c in result.configurations])
     measured = result.measured_pss(single_frame)
     best = measured.max() or 1.0
     if single_frame:
         low, high = interval(next(iter(result.replicates.values())).measured_pss)
         if np.isfinite(low).all():
             axes.fill_between(x, low / best, high / best, color=MEASURED, alpha=0.15, lw=0, label="95 % interval")
-    _curve(axes, x, measured, MEASURED, "o-", "measured")
+    colours, places = [MEASURED], [_curve(axes, x, measured, MEASURED, "o-", "measured")]
     for number, model in enumerate(result.noise_models):
-        colour = MODEL_COLOURS[number % len(MODEL_COLOURS)]
-        _curve(axes, x, result.predicted_pss(model, single_frame), colour, "s--", f"predicted, {model}")
+        colours.append(MODEL_COLOURS[number % len(MODEL_COLOURS)])
+        predicted = result.predicted_pss(model, single_frame)
+        places.append(_curve(axes, x, predicted, colours[-1], "s--", f"predicted, {model}"))
+    heights = star_heights(places, float(x[-1] - x[0]))
+    for place, height, colour in zip(places, heights, colours, strict=True):
+        if place is not None and height is not None:
+            axes.plot(place, height, "*", color=colour, ms=14, mec="white", zorder=5)
     axes.set_xlabel(AXIS_NAMES.get(result.configurations[0].parameter, result.configurations[0].parameter))
     axes.set_ylabel("PSS relative to its maximum")
     kind = "single frame: C against triangulation" if single_frame else "filter: P∞ against tracking"
     axes.set_title(f"{kind} (★ optimum)", fontsize=11)
     if selection:
         axes.set_xticks(x, labels)
-    axes.set_ylim(bottom=0, top=max(ABOVE_OPTIMUM, axes.get_ylim()[1]))
+    top = max((height for height in heights if height is not None), default=1.0)
+    axes.set_ylim(bottom=0, top=max(top * ABOVE_OPTIMUM, axes.get_ylim()[1]))
     axes.grid(alpha=0.3)
     axes.legend(fontsize=8)
 
@@ -158,14 +190,15 @@ def _slopes(axes: Axes, result: SweepResult, found: Slopes) -> None:
     axes.legend(fontsize=8)
 
 
-def _curve(axes: Axes, x: NDArray[np.generic], pss: Floats, colour: str, style: str, name: str) -> None:
+def _curve(axes: Axes, x: Floats, pss: Floats, colour: str, style: str, name: str) -> float | None:
+    """Draw a curve relative to its maximum; where its optimum is, if it has one."""
     best = optimum(pss)
     if best is None:
         axes.plot(x, pss, style, color=colour, ms=4, lw=1.5, label=f"{name} (0 at every step)")
-        return
+        return None
     scale = pss[best]
     axes.plot(x, pss / scale, style, color=colour, ms=4, lw=1.5, label=f"{name} (max {written(scale, 3)} /m)")
-    axes.plot(x[best], 1.0, "*", color=colour, ms=15, mec="white", zorder=5)
+    return float(x[best])
 
 
 def points_figure(result: SweepResult) -> Figure:

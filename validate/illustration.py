@@ -4,37 +4,47 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colorbar import Colorbar
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure, SubFigure
-from mpl_toolkits.mplot3d import Axes3D
-from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from numpy.typing import NDArray
 
-from pss import PTZCamera, Rectangle, Sphere
-from pss.surrogates import Mesh
+from pss import PTZCamera
 from render.geometry import plate_corners
-from render.state import Room
-from scenes import Scene
+from render.state import SceneState
+from validate.names_beside import Name, grouped, names_beside
+from validate.projected import CELL_M, Eye, Patches, patches_of, room_edges, wall_patches
+from validate.report.frusta import frustum
 from validate.sweep import SweepResult
 
-__all__ = ["COLOUR_MAP", "colour_scale", "draw_configuration", "shared_colours"]
+__all__ = [
+    "COLOUR_MAP", "OTHER", "SIGNS", "VARIED", "colour_scale", "draw_configuration", "draw_state",
+    "shared_colours",
+]  # fmt: skip
 
 Floats = NDArray[np.float64]
 
 COLOUR_MAP = "viridis_r"
 """Of σ: bright is precise; even in lightness, so that it is read without colour vision too."""
 PLATE_MODULES = 8.0
-# Of a finer mesh every so many faces are drawn.
-MOST_FACES_DRAWN = 2000
 # So that no camera hides before the ball.
-ELEVATION_DEG, AZIMUTH_DEG, CLOSER = 38.0, 62.0, 1.3
-VARIED, OTHER, IDLE = "#D55E00", "#0072B2", "0.7"
+ELEVATION_DEG, AZIMUTH_DEG = 38.0, 62.0
+VARIED, OTHER, IDLE = "#D55E00", "#0072B2", "0.55"
+UNOBSERVABLE = (0.72, 0.72, 0.72, 1.0)
 # Of the numbers between powers of ten those that begin so have room beside a colour scale.
 SAID_BETWEEN_DECADES = "235"
+# What is nearer is drawn over what is farther: in this order, walls, objects with markers, fields of view, signs.
+WALLS, SOLIDS, FIELDS, SIGNS = 1, 2, 3, 4
+# Of the drawing's size, around it, for names.
+MARGIN = 0.05
+SIGN_PT, NAME_PT = 3.0, 9.0
+# Lines of more cameras are paler, since they lie over each other.
+MANY = 8
 
 
 def shared_colours(result: SweepResult, steps: Sequence[int]) -> LogNorm:
@@ -58,40 +68,96 @@ def _sigma_mm(result: SweepResult, step: int) -> Floats:
 
 
 def draw_configuration(
-    axes: Axes3D, result: SweepResult, step: int, norm: LogNorm, of_cameras: Mapping[str, str] | None = None
-) -> None:
-    """Draw one step of a sweep; cameras in the colours `of_cameras`, or else those that vary in another one."""
-    import matplotlib
+    axes: Axes,
+    result: SweepResult,
+    step: int,
+    norm: LogNorm,
+    of_cameras: Mapping[str, str] | None = None,
+    elevation_deg: float = ELEVATION_DEG,
+    azimuth_deg: float = AZIMUTH_DEG,
+) -> Eye:
+    """Draw one step of a sweep; cameras in the colours `of_cameras`, or else those that vary in another one.
 
+    The eye that sees the room so, for what is drawn into it afterwards.
+    """
     configuration = result.configurations[step]
     scene = configuration.scene
-    room = scene.state.room
+    eye = Eye(scene.state.room, elevation_deg, azimuth_deg)
     sigma = _sigma_mm(result, step)
     colours = matplotlib.colormaps[COLOUR_MAP](norm(np.nan_to_num(sigma, nan=norm.vmax)))
-    colours[~np.isfinite(sigma)] = (0.72, 0.72, 0.72, 1)
-    _objects(axes, scene)
-    plates = [plate_corners(marker, PLATE_MODULES) for marker in scene.state.markers]
-    axes.add_collection3d(Poly3DCollection(plates, facecolors=colours, edgecolors="0.3", linewidths=0.3))
+    colours[~np.isfinite(sigma)] = UNOBSERVABLE
+    draw_state(axes, scene.state, eye, colours)
     active = {camera.name for camera in configuration.cameras}
     first = {camera.name: camera for camera in result.configurations[0].cameras}
+    names = []
     for camera in scene.cameras:
+        place = eye.flat(np.array(camera.position_m))
+        colour = IDLE
         if camera.name in active:
             chosen = next(c for c in configuration.cameras if c.name == camera.name)
             varied = configuration.parameter == "selection" or _differs(result, camera.name, first)
-            _camera(axes, chosen, (of_cameras or {}).get(camera.name, VARIED if varied else OTHER), room)
-        else:
-            axes.scatter(*camera.position_m, color=IDLE, s=12)
-            axes.text(*camera.position_m, f" {camera.name}", color=IDLE, fontsize=8)
-    x, y, z = room.width_m / 2, room.length_m / 2, room.height_m
-    axes.set(xlim=(-x, x), ylim=(-y, y), zlim=(0, z))
-    axes.set_box_aspect((room.width_m, room.length_m, room.height_m), zoom=CLOSER)
-    axes.view_init(elev=ELEVATION_DEG, azim=AZIMUTH_DEG)
-    axes.set_xticks([]), axes.set_yticks([]), axes.set_zticks([])
+            colour = (of_cameras or {}).get(camera.name, VARIED if varied else OTHER)
+            _field(axes, chosen, colour, eye, min(1.0, MANY / len(active)))
+        axes.plot(*place, "o", color=colour, ms=2 * SIGN_PT, mec="white", mew=0.5, zorder=SIGNS)
+        names.append(Name(camera.name, (float(place[0]), float(place[1])), colour, (0.0, 1.0)))
+    names_beside(axes, grouped(names, 1e-6, "0.25"), NAME_PT, SIGN_PT)
     pss = result.assessments[step].predicted[result.noise_models[-1]].pss_single_frame
-    for item in (*axes.lines, *axes.collections):  # the room is larger than its axes
-        item.set_clip_on(False)
-        item.set_in_layout(False)
     axes.set_title(f"{configuration.label}   PSS of C = {pss:,.0f} /m", fontsize=11)
+    return eye
+
+
+def draw_state(axes: Axes, state: SceneState, eye: Eye, plates: Floats) -> None:
+    """Draw room, objects and markers, of which the colours `plates` (N, 4) are given, in axes without ticks."""
+    axes.set_axis_off()
+    axes.set_aspect("equal")
+    behind, before = room_edges(eye)
+    _draw_patches(axes, wall_patches(eye), eye, WALLS)
+    for edges, style in ((behind, {"color": "0.45", "lw": 0.8}), (before, {"color": "0.7", "lw": 0.6, "ls": ":"})):
+        zorder = WALLS + 0.5 if edges is behind else FIELDS
+        axes.add_collection(LineCollection([eye.flat(edge) for edge in edges], zorder=zorder, **style))
+    solid = Patches.joined([patches_of(item.shape) for item in state.objects])
+    _draw_patches(axes, solid, eye, SOLIDS, _seen_plates(state, eye, plates))
+    low = np.min([eye.flat(edge).min(axis=0) for edge in (*behind, *before)], axis=0)
+    high = np.max([eye.flat(edge).max(axis=0) for edge in (*behind, *before)], axis=0)
+    margin = MARGIN * (high - low).max()
+    axes.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin))
+
+
+def _seen_plates(state: SceneState, eye: Eye, colours: Floats) -> list[tuple[Floats, Floats]]:
+    """Corners (4, 3) and colour (4,) of the markers whose front the eye sees."""
+    seen = eye.faces(state.points_m, state.normals)
+    return [
+        (plate_corners(marker, PLATE_MODULES), colour)
+        for marker, colour, shows in zip(state.markers, colours, seen, strict=True)
+        if shows
+    ]
+
+
+def _draw_patches(
+    axes: Axes, patches: Patches, eye: Eye, zorder: float, plates: Sequence[tuple[Floats, Floats]] = ()
+) -> None:
+    """Draw pieces of surfaces and the plates on them, the farthest first."""
+    corners = [*patches.corners_m, *(plate for plate, _ in plates)]
+    if not corners:
+        return
+    depth = np.array([eye.depth_m(each).mean() for each in corners])
+    # Lines are before the surface that they bound, and plates before the one that they are fixed to.
+    depth[: len(patches.edges)] -= np.where(patches.edges, CELL_M / 2, 0)
+    depth[len(patches.edges) :] -= CELL_M
+    faces = np.array([*(np.r_[[grey] * 3, 1.0] for grey in patches.greys), *(colour for _, colour in plates)])
+    borders = faces.copy()
+    borders[len(patches.edges) :, :3] = 0.3
+    widths = np.r_[np.where(patches.edges, 0.6, 0.3), np.full(len(plates), 0.3)]
+    order = np.argsort(-depth)
+    axes.add_collection(
+        PolyCollection(
+            [eye.flat(corners[number]) for number in order],
+            facecolors=faces[order],
+            edgecolors=borders[order],
+            linewidths=widths[order],
+            zorder=zorder,
+        )
+    )
 
 
 def _differs(result: SweepResult, name: str, first: dict[str, PTZCamera]) -> bool:
@@ -99,46 +165,17 @@ def _differs(result: SweepResult, name: str, first: dict[str, PTZCamera]) -> boo
     return name not in first or first[name] != last.get(name)
 
 
-def _objects(axes: Axes3D, scene: Scene) -> None:
-    for item in scene.state.objects:
-        shape = item.shape
-        if isinstance(shape, Rectangle):
-            right, up = shape.right * shape.width_m / 2, shape.up * shape.height_m / 2
-            centre = np.array(shape.centre_m)
-            corners = [centre - right - up, centre + right - up, centre + right + up, centre - right + up]
-            axes.add_collection3d(Poly3DCollection([corners], facecolors="0.93", edgecolors="0.6", linewidths=0.6))
-        elif isinstance(shape, Mesh):
-            faces = shape.corners_m[:: -(-len(shape.faces) // MOST_FACES_DRAWN)]
-            axes.add_collection3d(Poly3DCollection(faces, facecolors="0.93", edgecolors="0.6", linewidths=0.2))
-        elif isinstance(shape, Sphere):
-            u, v = np.mgrid[0 : 2 * np.pi : 25j, 0 : np.pi : 13j]
-            x, y, z = shape.centre_m
-            r = shape.radius_m * 0.985
-            axes.plot_surface(
-                x + r * np.cos(u) * np.sin(v),
-                y + r * np.sin(u) * np.sin(v),
-                z + r * np.cos(v),
-                color="0.9",
-                lw=0,
-                shade=True,
-            )
-
-
-def _camera(axes: Axes3D, camera: PTZCamera, colour: str, room: Room) -> None:
-    """Position, number, edges of the field of view up to the focus or the walls, and the plane in focus if inside."""
-    position = np.array(camera.position_m)
-    width, height = camera.resolution
-    half = np.array([width, height]) / 2 / camera.focal_px * camera.focus_distance_m
-    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half
-    local = np.column_stack([corners, np.full(4, camera.focus_distance_m)])
-    rays = local @ camera.rotation
-    walls = np.array([[-room.width_m / 2, -room.length_m / 2, 0], [room.width_m / 2, room.length_m / 2, room.height_m]])
-    with np.errstate(divide="ignore"):
-        exits = ((np.where(rays > 0, walls[1], walls[0]) - position) / rays).min(axis=1)
-    for ray, end in zip(rays, np.minimum(exits, 1.0), strict=True):
-        axes.plot(*np.column_stack([position, position + end * ray]), color=colour, lw=0.5, alpha=0.55)
-    if (exits >= 1).all():
-        plane = Poly3DCollection([position + rays], facecolors=colour, alpha=0.06, edgecolors=colour, linewidths=0.4)
-        axes.add_collection3d(plane)
-    axes.scatter(*position, color=colour, s=26, depthshade=False)
-    axes.text(*(position + (0, 0, 0.12)), camera.name, color=colour, fontsize=9, weight="bold")
+def _field(axes: Axes, camera: PTZCamera, colour: str, eye: Eye, strength: float) -> None:
+    """Edges of the field of view up to the focus or the walls, and what lies in the room of the plane in focus."""
+    shape = frustum(camera, eye.room)
+    edges = [eye.flat(np.array([shape.apex, end])) for end in shape.ends]
+    axes.add_collection(LineCollection(edges, color=colour, lw=0.7, alpha=0.6 * strength, zorder=FIELDS))
+    if len(shape.faces):
+        flat = eye.flat(shape.plane)
+        axes.add_collection(
+            PolyCollection(flat[shape.faces], facecolors=colour, alpha=0.07 * strength, lw=0, zorder=FIELDS)
+        )
+        if len(shape.plane) == 4:
+            outline = PolyCollection([flat], facecolors="none", edgecolors=colour, alpha=0.6 * strength, lw=0.5)
+            outline.set_zorder(FIELDS)
+            axes.add_collection(outline)

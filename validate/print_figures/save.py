@@ -10,8 +10,6 @@ import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure, SubFigure
-from mpl_toolkits.mplot3d import Axes3D
-from mpl_toolkits.mplot3d.art3d import Path3DCollection
 
 from validate.illustration import colour_scale
 from validate.store import atomic_path
@@ -34,9 +32,6 @@ SIZES_PT = {
 
 # Of what is drawn for the screen at nearly twice the size.
 SMALLER = 0.62
-CAMERA_PT2 = 12.0
-# In space every surface has a number of its own, counted from the farthest.
-ABOVE_ALL = 1000
 
 
 @contextmanager
@@ -64,15 +59,6 @@ def for_print(axes: Axes) -> None:
         line.set_linewidth(SMALLER * line.get_linewidth())
     for text in axes.texts:
         text.set_fontsize(7)
-        text.set_zorder(ABOVE_ALL)
-    for item in axes.collections:
-        if isinstance(item, Path3DCollection):
-            item.set_sizes([CAMERA_PT2])
-    if isinstance(axes, Axes3D):  # closer than the axes are wide
-        for item in (*axes.lines, *axes.collections):
-            item.set_clip_on(False)
-            # Their extent in the drawing is not known before it is drawn.
-            item.set_in_layout(False)
     if axes.get_legend() is not None:
         axes.legend(fontsize=SIZES_PT["legend.fontsize"], frameon=False, handlelength=1.6)
 

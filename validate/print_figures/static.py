@@ -24,8 +24,6 @@ ILLUSTRATED = {
 }
 TITLES = {"zoom=": "zoom ×", "focus_distance_m=": "focus at "}
 HEIGHT_IN = 5.2
-# From lower than on the screen, and closer: less of the empty floor.
-ELEVATION_DEG, AZIMUTH_DEG, CLOSER = 22.0, 62.0, 1.4
 
 
 def shown_steps(number: int, labels: list[str]) -> tuple[int, int]:
@@ -44,13 +42,10 @@ def static_figure(number: int, result: SweepResult) -> Figure:
     norm = shared_colours(result, shown)
     tops = []
     for column, step in enumerate(shown):
-        axes = figure.add_subplot(grid[0, column], projection="3d")
+        axes = figure.add_subplot(grid[0, column])
         draw_configuration(axes, result, step, norm)
         axes.set_title(_title(result, step), pad=0)
         for_print(axes)
-        room = result.configurations[step].scene.state.room
-        axes.set_box_aspect((room.width_m, room.length_m, room.height_m), zoom=CLOSER)
-        axes.view_init(elev=ELEVATION_DEG, azim=AZIMUTH_DEG)
         tops.append(axes)
     print_colour_scale(figure, tops, norm, result.noise_models[-1])
     for column, single_frame in enumerate((True, False)):

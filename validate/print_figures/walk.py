@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from mpl_toolkits.mplot3d import Axes3D
 
 from validate.figures import MODEL_COLOURS
 from validate.hallway.figure import PANELS, draw_panel, key_lines
 from validate.hallway.results import KINDS, ScheduleResult
 from validate.hallway.runs import limit_name
-from validate.illustration import draw_configuration, shared_colours
+from validate.illustration import SIGNS, draw_configuration, shared_colours
 from validate.intervals import interval
 from validate.print_figures.save import WIDTH_IN, for_print, print_colour_scale
+from validate.projected import Eye
 
 __all__ = ["moments", "walk_figure", "walk_rows"]
 
@@ -22,8 +23,8 @@ HEIGHT_IN = 6.2
 # The paper's moments: where the first person is, m along the hallway.
 MOMENTS_Y_M = (-2.0, 2.0)
 # The arrow that says where a person walks: m, from half a metre over the head.
-ARROW_M, OVER_HEAD_M = 1.0, 0.35
-ELEVATION_DEG, AZIMUTH_DEG, CLOSER = 28.0, 25.0, 1.25
+ARROW_M, OVER_HEAD_M, ABOVE_ARROW_M = 1.0, 0.35, 0.15
+ELEVATION_DEG, AZIMUTH_DEG = 28.0, 25.0
 # The paper's PSS is made of σ∞.
 KIND = KINDS[0]
 
@@ -45,12 +46,10 @@ def walk_figure(result: ScheduleResult) -> Figure:
     norm = shared_colours(result, shown)
     tops = []
     for column, number in enumerate(shown, start=1):
-        axes = above.add_subplot(1, 2, column, projection="3d")
-        draw_configuration(axes, result, number, norm, _followed(result, number))
-        _arrows(axes, result, number)
-        axes.view_init(elev=ELEVATION_DEG, azim=AZIMUTH_DEG)
-        room = result.configurations[number].scene.state.room
-        axes.set_box_aspect((room.width_m, room.length_m, room.height_m), zoom=CLOSER)
+        axes = above.add_subplot(1, 2, column)
+        followed = _followed(result, number)
+        eye = draw_configuration(axes, result, number, norm, followed, ELEVATION_DEG, AZIMUTH_DEG)
+        _arrows(axes, result, number, eye)
         where = f"{result.configurations[number].value:.1f} m".replace("-", "−")
         axes.set_title(f"strategy (1), y of {result.held.design.stage.names[0]} = {where}")
         for_print(axes)
@@ -81,7 +80,7 @@ def _followed(result: ScheduleResult, number: int) -> dict[str, str]:
     }
 
 
-def _arrows(axes: Axes3D, result: ScheduleResult, number: int) -> None:
+def _arrows(axes: Axes, result: ScheduleResult, number: int, eye: Eye) -> None:
     """Where each person walks, over its head."""
     design = result.held.design
     step = number % result.shape[1]
@@ -97,8 +96,11 @@ def _arrows(axes: Axes3D, result: ScheduleResult, number: int) -> None:
         start = np.array([*way[step][:2], top + OVER_HEAD_M])
         arrow = ARROW_M * walked / np.linalg.norm(walked)
         colour = MODEL_COLOURS[order]
-        axes.quiver(*start, *arrow, color=colour, arrow_length_ratio=0.35, lw=1.2)
-        axes.text(*(start + (0, 0, 0.15)), name, color=colour, fontsize=7)
+        tail, head = eye.flat(np.array([start, start + arrow]))
+        line = {"arrowstyle": "-|>", "color": colour, "lw": 1.2, "shrinkA": 0, "shrinkB": 0}
+        axes.annotate("", head, tail, arrowprops=line, zorder=SIGNS)
+        above = eye.flat(start + (0, 0, ABOVE_ARROW_M))
+        axes.text(*above, name, color=colour, ha="center", zorder=SIGNS)
 
 
 def walk_rows(result: ScheduleResult) -> list[Row]:

@@ -11,6 +11,7 @@ from validate.figures import AXIS_NAMES
 from validate.report.data import KINDS, MM, Curve, SweepTable
 from validate.report.style import INK, layout, line_at, model_style
 from validate.report.traces import Choice, Columns, Figure, plain, ref
+from validate.stars import star_heights
 
 __all__ = ["curves_figure", "place", "step_axis"]
 
@@ -90,19 +91,25 @@ def curves_figure(table: SweepTable) -> Figure:
             "type": "scatter",
             "mode": "markers",
             "x": ref("optima|{kind}"),
-            "y": [1.0] * (len(table.models) + 1),
+            "y": ref("stars|{kind}"),
             "name": "optimum of each",
             "hoverinfo": "skip",
-            "marker": {"symbol": "star", "size": 15, "color": "white", "line": {"color": INK, "width": 1.3}},
+            "marker": {
+                "symbol": "star",
+                "size": 14,
+                "color": [INK, *(model_style(number)[0] for number in range(len(table.models)))],
+                "line": {"color": "white", "width": 1},
+            },
         }
     )
     return Figure(
         "curves",
         "What was predicted, and what was measured",
         "Each curve is divided by its own maximum (hover for 1/m), because the paper’s R adds m² to px²: shapes and "
-        "optima can be compared, sizes cannot. Stars mark optima, the dotted line the step that the slider shows. The "
-        "prediction is computed, not drawn by lot, and has no interval; the measured filter curve has none in the "
-        "tables. Where the curves rise and fall together, the metric ranks the steps as the measurement does. “RMS "
+        "optima can be compared, sizes cannot. Stars mark optima, one above the other where curves share one, the "
+        "dotted line the step that the slider shows. The prediction is computed, not drawn by lot, and has no "
+        "interval; the measured filter curve has none in the tables. Where the curves rise and fall together, the "
+        "metric ranks the steps as the measurement does. “RMS "
         f"error” takes the {int(table.steps[table.models[0]]['common_points'][0])} points that every step measured, in "
         "mm.",
         "Curves over the steps of the sweep: predicted by each noise model, and measured with its 95 % interval. The "
@@ -145,6 +152,7 @@ def _curve_columns(table: SweepTable) -> Columns:
             columns[f"pss|{kind.name}|{model}"] = plain(predicted.values)
             best.append(_place_of(predicted, x))
         columns[f"optima|{kind.name}"] = best
+        columns[f"stars|{kind.name}"] = star_heights(best, x[-1] - x[0])
     for model in table.models:
         columns[f"rms|{model}"] = plain(table.steps[model]["predicted_rms_common_m"] * MM)
     return columns

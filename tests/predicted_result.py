@@ -1,0 +1,45 @@
+"""A sweep's result for tests of figures: what is predicted is the real one, what is measured is made up."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from scenes import load_scene, load_sweep
+from validate.assess import predict
+from validate.check.estimated_light import estimated_appearance
+
+__all__ = ["predicted_result"]
+
+
+def predicted_result(name: str, measured: Sequence[float] | None = None, every: int = 4) -> Any:
+    """The result of a sweep of the project with every so many of its markers.
+
+    Args:
+        measured: PSS of its first steps, which are then all; by default of all of its steps, rising from 1 to 2.
+    """
+    sweep = load_sweep(name)
+    scene = load_scene(sweep.scene_path)
+    scene = dataclasses.replace(scene, state=dataclasses.replace(scene.state, markers=scene.state.markers[::every]))
+    steps = tuple(dataclasses.replace(step, scene=scene) for step in sweep.configurations(scene))
+    pss = np.linspace(1.0, 2.0, len(steps)) if measured is None else np.array(measured)
+    steps = steps[: len(pss)]
+    look = estimated_appearance(scene.state)
+    predicted = [predict(scene, step.cameras, look) for step in steps]
+    draws = np.array([0.9, 1.0, 1.1])[:, None] * pss
+    models = tuple(model.name for model in scene.noise_models)
+    return SimpleNamespace(
+        plan=SimpleNamespace(sweep=sweep, scene=scene),
+        configurations=steps,
+        assessments=[SimpleNamespace(predicted=each) for each in predicted],
+        noise_models=models,
+        replicates={model: SimpleNamespace(measured_pss=draws) for model in models},
+        measured_pss=lambda single_frame=True: pss * (1 if single_frame else 3),
+        predicted_pss=lambda model, single_frame=True: np.array(
+            [each[model].pss_single_frame if single_frame else each[model].pss for each in predicted]
+        ),
+    )
