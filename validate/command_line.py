@@ -33,7 +33,7 @@ OVERVIEW = """usage: run_sweep.py SWEEP… [OPTIONS]    or    run_sweep.py COMMA
 
 Predict how precisely cameras resolve 3D points, render and measure it, and compare the two.
 
-Commands (COMMAND --help says more):
+Commands (COMMAND --help has more; --version states which program this is):
   new-scene         write a commented scene and sweep to start from
   check             what the cameras of a scene will see, with a plan, before anything is rendered
   compare           two or more runs side by side, with differences and intervals
@@ -51,7 +51,7 @@ Examples:
   run_sweep.py compare results/zoom results/brighter
   run_sweep.py new-scene my-room, then: run_sweep.py check my-room.toml
 
-Exit: 0 done, 1 done with failed views, 2 your mistake, 70 ours, 130 interrupted: docs/runs.md"""
+Exit: 0 done, 1 with failed views, 2 a mistake, 70 ours, 130 interrupted, 141 unread: docs/runs.md"""
 SWEEPS = Path(__file__).parents[1] / "scenes" / "sweeps"
 COMPLETION = ("--tyro-print-completion", "--tyro-write-completion")
 # In every other command's module the function behind it is `run`.

@@ -13,6 +13,7 @@ from scenes.reference import described_keys
 from scenes.schema import SceneSpec
 from scenes.spec import Spec
 from scenes.sweep_file import SweepSpec
+from validate.program import named_as_called, program_name
 from validate.store import StoreError, write_text
 
 __all__ = ["main", "write_new_scene"]
@@ -47,6 +48,7 @@ def write_new_scene(name: str, folder: Path) -> tuple[Path, Path]:
 
 def _text(kind: str, name: str, model: type[Spec]) -> str:
     body = (TEMPLATES / f"{kind}.toml").read_text(encoding="utf-8").replace(PLACEHOLDER, name)
+    body = named_as_called(body)
     return f"{body}\n{RULE}\n# All that a {kind} file may say, key by key\n{RULE}\n#\n{described_keys(model)}\n"
 
 
@@ -65,11 +67,11 @@ def run(
     """
     scene, sweep = write_new_scene(name, out)
     print(f"wrote {scene} and {sweep}; next:")
-    print(f"  run_sweep.py check {scene}      what each camera will see, without rendering")
-    print(f"  run_sweep.py {sweep}      render, measure and compare: about a minute")
+    print(f"  {program_name()} check {scene}      what each camera will see, without rendering")
+    print(f"  {program_name()} {sweep}      render, measure and compare: about a minute")
     return 0
 
 
 def main(arguments: list[str]) -> int:
     """Parse the subcommand's own arguments and run it."""
-    return tyro.cli(run, prog="run_sweep.py new-scene", args=arguments)
+    return tyro.cli(run, prog=f"{program_name()} new-scene", args=arguments)

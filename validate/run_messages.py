@@ -12,7 +12,8 @@ from pss import PSSError
 from validate.acquire import Acquired
 from validate.console import Console
 from validate.events import EventFile
-from validate.exit_codes import EXIT_BROKEN, EXIT_INTERRUPTED, EXIT_MISTAKE
+from validate.exit_codes import EXIT_BROKEN, EXIT_CLOSED_PIPE, EXIT_INTERRUPTED, EXIT_MISTAKE
+from validate.program import output_is_closed
 from validate.progress import ViewProgress
 
 __all__ = ["PLAIN_WIDTH", "RunMessages"]
@@ -53,6 +54,8 @@ class RunMessages:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
         if isinstance(error, KeyboardInterrupt):
             self._event("interrupted", exit_code=EXIT_INTERRUPTED)
+        elif isinstance(error, BrokenPipeError) and output_is_closed():
+            self._event("finished", exit_code=EXIT_CLOSED_PIPE, cause="nobody reads the output any more")
         elif isinstance(error, PSSError):
             self._event("finished", exit_code=EXIT_MISTAKE, cause=str(error))
         elif isinstance(error, Exception):

@@ -21,6 +21,7 @@ import tyro
 from validate import command_line
 from validate.exit_codes import EXIT_BROKEN, EXIT_CODES, EXIT_DONE, EXIT_INTERRUPTED, EXIT_MISTAKE
 from validate.interruption import remember_interrupts
+from validate.program import named_as_called, output_is_closed, program_name, version_line, with_quiet_end
 from validate.scale.options import HERE, Scale
 
 __all__ = ["main", "run_sweep"]
@@ -82,12 +83,19 @@ def main(arguments: list[str] | None = None) -> int:
     """Parse the command line, run, and give the exit code; the user's mistakes are one line."""
     if arguments is None:  # as a program, by either name
         remember_interrupts()
-        arguments = sys.argv[1:]
+        return with_quiet_end(lambda: _main(sys.argv[1:]))
+    return _main(arguments)
+
+
+def _main(arguments: list[str]) -> int:
     if command_line.wants_overview(arguments):
-        print(command_line.OVERVIEW)
+        print(named_as_called(command_line.OVERVIEW))
+        return EXIT_DONE
+    if arguments == ["--version"]:
+        print(version_line())
         return EXIT_DONE
     if arguments and (said := command_line.misspelt(arguments[0])) is not None:
-        print(f"run_sweep.py: {said}", file=sys.stderr)
+        print(f"{program_name()}: {said}", file=sys.stderr)
         return EXIT_MISTAKE
     try:
         if command_line.wants_completion(arguments):
@@ -95,17 +103,21 @@ def main(arguments: list[str] | None = None) -> int:
         if arguments and arguments[0] in command_line.COMMANDS:
             command = importlib.import_module(command_line.COMMANDS[arguments[0]])
             return int(command.main(arguments[1:]))
-        return tyro.cli(run_sweep, prog="run_sweep.py", description=DESCRIPTION, args=arguments)
+        return tyro.cli(
+            run_sweep, prog=program_name(), description=named_as_called(DESCRIPTION), args=arguments
+        )
     except KeyboardInterrupt:
         print("interrupted; what is rendered and measured stays in the store", file=sys.stderr)
         return EXIT_INTERRUPTED
     except Exception as error:
+        if isinstance(error, BrokenPipeError) and output_is_closed():
+            raise
         from pss import PSSError
 
         if not isinstance(error, PSSError):
             traceback.print_exc()
             return EXIT_BROKEN
-        print(f"run_sweep.py: {error}", file=sys.stderr)
+        print(f"{program_name()}: {error}", file=sys.stderr)
         return EXIT_MISTAKE
 
 

@@ -13,6 +13,7 @@ from typing import Annotated
 
 import tyro
 
+from validate.program import program_name
 from validate.remote_store import open_store
 from validate.store import DAMAGED, Store, StoreError
 from validate.store_upkeep import (
@@ -142,4 +143,4 @@ def main(arguments: list[str]) -> int:
     if arguments[:1] == ["--store"]:
         arguments = [*arguments[2:3], *arguments[:2], *arguments[3:]]
     commands = {"list": list_, "verify": verify, "prune": prune}
-    return int(tyro.extras.subcommand_cli_from_dict(commands, prog="run_sweep.py store", args=arguments))
+    return int(tyro.extras.subcommand_cli_from_dict(commands, prog=f"{program_name()} store", args=arguments))

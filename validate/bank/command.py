@@ -38,6 +38,7 @@ from validate.dry_run import announce
 from validate.exit_codes import EXIT_DONE, EXIT_FAILED
 from validate.findings.bank import bank_findings
 from validate.findings.tables import read_tables
+from validate.program import program_name
 from validate.progress import clock
 from validate.remote_store import open_store
 from validate.run import check_folders
@@ -79,7 +80,7 @@ def run(
 ) -> int:
     """Judge all metrics and noise models on configurations drawn from a bank of views.
 
-    Exit codes are those of sweeps (run_sweep.py --help, docs/runs.md).
+    Exit codes are those of sweeps (--help, docs/runs.md).
 
     Args:
         scene: scene file (default: the room).
@@ -289,4 +290,4 @@ def _interval(row: Row, name: str) -> str:
 
 def main(arguments: list[str]) -> int:
     """Parse the subcommand's own arguments and run it."""
-    return tyro.cli(run, prog="run_sweep.py bank", args=arguments)
+    return tyro.cli(run, prog=f"{program_name()} bank", args=arguments)

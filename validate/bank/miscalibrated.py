@@ -25,6 +25,7 @@ from validate.bank.verdict import single_frame_terms
 from validate.calibration_error import study
 from validate.console import Console
 from validate.exit_codes import EXIT_DONE, EXIT_FAILED
+from validate.program import program_name
 from validate.remote_store import open_store
 from validate.run_messages import RunMessages
 from validate.scale.options import HERE, Scale
@@ -128,4 +129,4 @@ def _interval(row: dict[str, object], name: str) -> str:
 
 def main(arguments: list[str]) -> int:
     """Parse the subcommand's own arguments and run it."""
-    return tyro.cli(run, prog="run_sweep.py calibration-error", args=arguments)
+    return tyro.cli(run, prog=f"{program_name()} calibration-error", args=arguments)

@@ -16,6 +16,7 @@ from scenes import load_scene
 from scenes.document import named_file, read_toml
 from validate.check.foreseen import Foreseen, camera_rows, foresee, headline, marker_rows, model_rows, warnings_of
 from validate.console import Console
+from validate.program import program_name
 from validate.table_text import table_text
 
 __all__ = ["main", "run"]
@@ -153,4 +154,4 @@ def _models(rows: Sequence[Row]) -> Table:
 
 def main(arguments: list[str]) -> int:
     """Parse the subcommand's own arguments and run it."""
-    return tyro.cli(run, prog="run_sweep.py check", args=arguments)
+    return tyro.cli(run, prog=f"{program_name()} check", args=arguments)

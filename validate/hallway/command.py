@@ -36,6 +36,7 @@ from validate.hallway.stage import BOTH, stage_of
 from validate.hallway.study import FULL_MODEL, Design, assess_held, design_of
 from validate.hallway.training import calibrate_hallway, training_views
 from validate.hallway.wanted import Wanted
+from validate.program import program_name
 from validate.progress import clock
 from validate.remote_store import open_store
 from validate.run import check_folders, linked_views
@@ -71,7 +72,7 @@ def run(
 ) -> int:
     """Predict and measure how strategies steer cameras at two people who pass each other.
 
-    Exit codes are those of sweeps (run_sweep.py --help, docs/runs.md).
+    Exit codes are those of sweeps (--help, docs/runs.md).
 
     Args:
         schedule: name of a file in scenes/schedules, or the path of such a file.
@@ -276,4 +277,4 @@ def _show(tables: dict[str, list[Row]], console: Console) -> None:
 
 def main(arguments: list[str]) -> int:
     """Parse the subcommand's own arguments and run it."""
-    return tyro.cli(run, prog="run_sweep.py schedule", args=arguments)
+    return tyro.cli(run, prog=f"{program_name()} schedule", args=arguments)

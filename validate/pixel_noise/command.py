@@ -7,6 +7,8 @@ from typing import Annotated
 
 import tyro
 
+from validate.program import program_name
+
 __all__ = ["main", "run"]
 
 
@@ -47,4 +49,4 @@ def run(
 
 def main(arguments: list[str]) -> int:
     """Parse the subcommand's own arguments and run it."""
-    return tyro.cli(run, prog="run_sweep.py pixel-noise", args=arguments)
+    return tyro.cli(run, prog=f"{program_name()} pixel-noise", args=arguments)

@@ -16,6 +16,7 @@ from scenes import load_scene, load_sweep
 from scenes.schedule_file import load_schedule
 from validate.acquire import Acquired, Acquisition, acquire
 from validate.console import Console
+from validate.program import program_name
 from validate.progress import EXPECTED_SECONDS, ViewProgress, clock
 from validate.remote_store import open_store
 from validate.run import check_folders
@@ -141,4 +142,4 @@ def _write(number: int, out: Path, table: str | None, draw: Callable[[], Figure]
 
 def main(arguments: list[str]) -> int:
     """Parse the subcommand's own arguments and run it."""
-    return tyro.cli(run, prog="run_sweep.py figures", args=arguments)
+    return tyro.cli(run, prog=f"{program_name()} figures", args=arguments)

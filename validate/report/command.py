@@ -22,6 +22,7 @@ from validate.acquire import Acquisition, baked
 from validate.assess import predict
 from validate.expose import with_exposures
 from validate.measure import ViewMeasurement
+from validate.program import program_name
 from validate.remote_store import open_store
 from validate.report.data import read_sweeps
 from validate.report.files import REPORT, stored_measurements
@@ -155,8 +156,8 @@ def _run_of(folder: Path) -> dict[str, Any]:
     except (OSError, ValueError, KeyError, TypeError):
         pass
     raise StoreError(
-        f"{folder} has no run.json of a run of sweeps or of a schedule; allowed: a folder that run_sweep.py SWEEP… or "
-        "run_sweep.py schedule has left"
+        f"{folder} has no run.json of a run of sweeps or of a schedule; allowed: a folder that "
+        f"{program_name()} SWEEP… or {program_name()} schedule has left"
     )
 
 
@@ -184,7 +185,7 @@ def run(
     """Make report.html and scene.glb of a finished run again, from its CSV files and the store.
 
     Args:
-        folder: results that `run_sweep.py SWEEP…` or `run_sweep.py schedule` has left.
+        folder: results that a run of sweeps or of a schedule has left.
         store: folder of rendered views and measurements (default: the run's own).
         strategy: a schedule's strategies of one's own, as they were given to it: their files are run.
         allow_outside: let files name others outside their folder (see "Files from others" in docs/scenes.md).
@@ -195,4 +196,4 @@ def run(
 
 def main(arguments: Sequence[str]) -> int:
     """Parse the command line and run it."""
-    return int(tyro.cli(run, prog="run_sweep.py report", args=list(arguments)))
+    return int(tyro.cli(run, prog=f"{program_name()} report", args=list(arguments)))

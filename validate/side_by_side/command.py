@@ -11,6 +11,7 @@ import tyro
 from rich.table import Table
 
 from validate.console import Console
+from validate.program import program_name
 from validate.side_by_side.cells import cells
 from validate.side_by_side.rows import QUANTITIES, Quantity, matched
 from validate.side_by_side.runs import Side, settings_rows, sides_of
@@ -189,4 +190,4 @@ def _show(sides: Sequence[Side], name: str, quantity: Quantity, console: Console
 
 def main(arguments: list[str]) -> int:
     """Parse the subcommand's own arguments and run it."""
-    return tyro.cli(run, prog="run_sweep.py compare", args=arguments)
+    return tyro.cli(run, prog=f"{program_name()} compare", args=arguments)
