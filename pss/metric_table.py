@@ -64,6 +64,7 @@ class MetricTable(Mapping[str, Metric]):
         self._metrics = {metric.name: metric for metric in metrics}
         if len(self._metrics) != len(metrics):
             raise RangeError("two metrics have one name; allowed: names that differ")
+        self._own = len(metrics)
         self._complete = False
 
     def __getitem__(self, name: str) -> Metric:
@@ -80,6 +81,11 @@ class MetricTable(Mapping[str, Metric]):
     def __len__(self) -> int:
         self._load()
         return len(self._metrics)
+
+    def of_entry_points(self) -> tuple[Metric, ...]:
+        """The metrics that installed entry points brought, in their order."""
+        self._load()
+        return tuple(self._metrics.values())[self._own :]
 
     def better(self, name: str, one: float, other: float) -> bool:
         """Whether `one` is the better value of the metric."""

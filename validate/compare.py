@@ -21,15 +21,17 @@ from validate.intervals import (
     regret,
     weighted_spearman,
 )
+from validate.own_metrics import best_step, own_metrics
 from validate.sweep import SweepResult
 
-__all__ = ["Correlation", "correlation_rows", "headline"]
+__all__ = ["Correlation", "correlation_rows", "headline", "own_rows"]
 
 Floats = NDArray[np.float64]
 Row = dict[str, object]
 
 SHARE_THRESHOLD_M = 0.005
-# A sweep of a dozen steps cannot tell forty metrics apart: it has the paper's own and the plainest yardstick.
+# A sweep of a dozen steps cannot tell forty metrics apart: it has the paper's own, the plainest yardstick, and what
+# users bring of their own.
 COMPARED = ("pss", "pss-single-frame", "worst-sigma", "visible-share")
 
 
@@ -76,6 +78,27 @@ def correlation_rows(result: SweepResult) -> list[Row]:
                     }
                 )
         rows += list(_point_rows(result, model, replicates, cameras))
+    return rows
+
+
+def own_rows(result: SweepResult) -> list[Row]:
+    """Rows of own metrics alone, against measured single-frame PSS over the steps, with the step each would choose."""
+    rows: list[Row] = []
+    for model in result.noise_models:
+        yardstick = _yardsticks(result, result.replicates[model])[0]
+        of_users = _metrics(result, model, result.replicates[model])[len(COMPARED) :]
+        for metric, series in zip(own_metrics(), of_users, strict=True):
+            sign = 1 if metric.higher_is_better else -1
+            best = best_step(metric, series.values)
+            rows.append(
+                _row(
+                    result, metric.name, model, "configuration", yardstick.name, "", _correlate(series, yardstick, sign)
+                )
+                | {
+                    "regret": _regret(series, yardstick),
+                    "chosen": None if best is None else result.configurations[best].value,
+                }
+            )
     return rows
 
 
@@ -135,6 +158,10 @@ def _metrics(result: SweepResult, model: str, replicates: SweepReplicates) -> li
         else:
             samples = np.broadcast_to(values, (len(replicates.point_weights), len(values)))
         found.append(Series(name, values, samples, metric.higher_is_better))
+    for metric in own_metrics():
+        values = np.array([scores.values[metric.name] for scores in result.own_scores[model]])
+        samples = np.broadcast_to(values, (len(replicates.point_weights), len(values)))
+        found.append(Series(metric.name, values, samples, metric.higher_is_better))
     return found
 
 

@@ -21,6 +21,7 @@ from validate.errors3d import FEWEST_TRIALS
 from validate.exit_codes import EXIT_DONE, EXIT_FAILED
 from validate.expose import with_exposures
 from validate.file_names import check_default_folder, check_names, sweep_name
+from validate.own_metrics import failures_of
 from validate.progress import clock
 from validate.remote_store import is_address, open_store
 from validate.report.command import REPORT, of_results, source_of_report, write_report
@@ -133,6 +134,9 @@ def execute(options: Options, messages: RunMessages) -> int:
         "total": time.perf_counter() - begin,
     }
     _write_run(options, plans, chosen, acquired, seconds, drawn_from, reported_from)
+    scores = [each for result in results for of_model in result.own_scores.values() for each in of_model]
+    for line in failures_of(scores):
+        messages.warn(line)
     summary.show(results, acquired, messages.console)
     warn_of_render_noise(wanted, acquired, messages.warn)
     warn_of_saturation(wanted, acquired, messages.warn)

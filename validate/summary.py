@@ -10,11 +10,12 @@ from rich.table import Table
 
 from validate.acquire import Acquired
 from validate.claims import claim_rows
-from validate.compare import Correlation, headline
+from validate.compare import Correlation, headline, own_rows
 from validate.console import Console
 from validate.errors3d import FEWEST_TRIALS
 from validate.intervals import FEWEST_RESAMPLED, oracle_regret
 from validate.optimum import NO_OPTIMUM, optimum
+from validate.own_metrics import own_metrics, own_table
 from validate.slopes import slope_rows
 from validate.sweep import SweepResult
 from validate.tables import detection_rows
@@ -27,6 +28,8 @@ def show(results: Sequence[SweepResult], acquired: Acquired, console: Console) -
     whole = [result for result in results if result.assessments]
     if whole:
         console.print(_correlation_table(whole))
+        if own_metrics():
+            console.print(own_table([row for result in whole for row in own_rows(result)]))
         of_factors = [result for result in whole if result.plan.sweep.varies_scene]
         if len(of_factors) < len(whole):
             console.print(_claims_table(whole))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from validate.acquire import Acquired, Acquisition, views_of
 from validate.assess import Assessment, assess
 from validate.intervals import SweepReplicates, sweep_replicates
 from validate.measure import ViewMeasurement
+from validate.own_metrics import OwnScores, own_metrics, own_scores
 
 __all__ = ["Plan", "SweepResult", "assess_sweep", "plan"]
 
@@ -51,6 +53,12 @@ class SweepResult:
     views: tuple[tuple[Acquisition, ...], ...]
     skipped: tuple[tuple[str, str], ...]
     replicates: dict[str, SweepReplicates]
+
+    @cached_property
+    def own_scores(self) -> dict[str, tuple[OwnScores, ...]]:
+        """By noise model, the metrics of installed entry points at each of the S steps."""
+        names = self.noise_models if own_metrics() else ()
+        return {model: tuple(own_scores(each.predicted[model]) for each in self.assessments) for model in names}
 
     @property
     def noise_models(self) -> tuple[str, ...]:

@@ -105,6 +105,7 @@ def configuration_rows(result: SweepResult) -> list[Row]:
                     "noise_share": errors.noise_share,
                     **_budget(predicted, measured),
                     "rejected_detections": int(measured.triangulated.rejected.sum()),
+                    **(result.own_scores[model][step].columns if result.own_scores else {}),
                 }
             )
     return rows

@@ -16,6 +16,7 @@ from scenes import load_scene
 from scenes.document import named_file, read_toml
 from validate.check.foreseen import Foreseen, camera_rows, foresee, headline, marker_rows, model_rows, warnings_of
 from validate.console import Console
+from validate.own_metrics import OWN_COLUMN, own_metrics
 from validate.program import program_name
 from validate.table_text import table_text
 
@@ -143,11 +144,13 @@ def _models(rows: Sequence[Row]) -> Table:
         "√λmax C in mm, median",
         "PSS of σ∞",
         "σ∞ in mm, median",
+        *(metric.name for metric in own_metrics()),
     ):
         table.add_column(name, justify="left" if name == "noise model" else "right")
     for row in rows:
         words = [f"{row['pss_single_frame']:.4g}", f"{1000 * row['single_frame_sigma_median_m']:.3g}"]
         words += [f"{row['pss']:.4g}", f"{1000 * row['sigma_inf_median_m']:.3g}"]
+        words += [f"{row[OWN_COLUMN + metric.name]:.4g}" for metric in own_metrics()]
         table.add_row(str(row["noise_model"]), f"{row['observable']} of {row['markers']}", *words)
     return table
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from render.exposure import choose_exposure
 from scenes import Scene
 from validate.assess import predict
 from validate.check.estimated_light import estimated_appearance
+from validate.own_metrics import OwnScores, failures_of, own_scores
 from validate.table_text import written
 
 __all__ = [
@@ -84,6 +86,11 @@ class Foreseen:
     def legible(self) -> Bools:
         """(C, N), whole, large and sharp enough to be found most likely."""
         return self.whole & ~self.too_small & ~self.too_blurred
+
+    @cached_property
+    def own_scores(self) -> dict[str, OwnScores]:
+        """By noise model, the metrics of installed entry points."""
+        return {name: own_scores(evaluation) for name, evaluation in self.evaluations.items()}
 
     @property
     def shown_model(self) -> str:
@@ -179,7 +186,7 @@ def marker_rows(seen: Foreseen) -> list[Row]:
 
 
 def model_rows(seen: Foreseen) -> list[Row]:
-    """A row for each noise model: PSS of both kinds, and σ over the observable markers; the single frame's first."""
+    """A row for each noise model: PSS of both kinds, σ over the observable markers, the user's own metrics."""
     rows: list[Row] = []
     for name, evaluation in seen.evaluations.items():
         rows.append(
@@ -191,6 +198,7 @@ def model_rows(seen: Foreseen) -> list[Row]:
                 **_spread("single_frame_sigma", "m", evaluation.single_frame_sigma_m[evaluation.observable]),
                 "pss": evaluation.pss,
                 **_spread("sigma_inf", "m", evaluation.sigma_m[evaluation.observable]),
+                **seen.own_scores[name].columns,
             }
         )
     return rows
@@ -214,7 +222,7 @@ def headline(seen: Foreseen) -> str:
 
 def warnings_of(seen: Foreseen) -> list[str]:
     """What will most likely disappoint, a line each, with what would help."""
-    lines = list(seen.scene.warnings)
+    lines = [*seen.scene.warnings, *failures_of(seen.own_scores.values())]
     ids = np.array([marker.id for marker in seen.scene.state.markers])
     sees = seen.visible.sum(axis=1)
     finds = seen.legible.sum(axis=1)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from validate.findings.tables import Row, all_of, read_tables
 from validate.optimum import optimum
+from validate.own_metrics import OWN_COLUMN
 from validate.store import StoreError
 
 __all__ = ["KINDS", "MM", "Curve", "Kind", "SweepTable", "needed_tables", "read_sweeps", "table_of"]
@@ -131,6 +132,11 @@ class SweepTable:
         if f"{name}_ci_low" not in columns:
             return Curve(values, np.full_like(values, np.nan), np.full_like(values, np.nan))
         return Curve(values, columns[f"{name}_ci_low"], columns[f"{name}_ci_high"])
+
+    def own_metrics(self, model: str) -> dict[str, Floats]:
+        """The user's own metrics by name, (S,)."""
+        columns = self.steps[model].items()
+        return {key.removeprefix(OWN_COLUMN): values for key, values in columns if key.startswith(OWN_COLUMN)}
 
     def predicted_mm(self, model: str, kind: Kind) -> Floats:
         """Millimetres, predicted σ of each point at each step, (S, N); nan where it is not observable."""

@@ -160,6 +160,7 @@ def _words_of_sweep(section: Section) -> dict[str, Any]:
         "verdicts": verdict.verdicts(table),
         "claims": verdict.claims(table.claims),
         "steps": _step_rows(table),
+        "own": [f"{name}, {table.leading_model}" for name in table.own_metrics(table.leading_model)],
     }
 
 
@@ -197,12 +198,18 @@ def _step_rows(table: SweepTable) -> list[dict[str, Any]]:
             "cameras": " ".join(table.camera_names[n]),
             "predicted": [written(table.predicted_pss(model, single).values[n], 4) for model in table.models],
             "measured": _with_limits(measured.values[n], measured.low[n], measured.high[n]),
+            "own": [_own_text(values[n]) for values in table.own_metrics(table.leading_model).values()],
             "filter": written(table.measured_pss(KINDS[1]).values[n], 4),
             "points": f"{columns['detected'][n]:.0f} of {columns['points'][n]:.0f}",
             "rms": f"{columns['measured_rms_m'][n] * MM:.3g}",
         }
         for n, label in enumerate(table.labels)
     ]
+
+
+def _own_text(value: float) -> str:
+    """A number of a metric of any kind; a dash where it has none."""
+    return written(value, 4) if math.isfinite(value) else ("–" if math.isnan(value) else f"{value:g}")
 
 
 def _with_limits(value: float, low: float, high: float) -> str:
