@@ -19,6 +19,7 @@ from validate.events import EVENTS, EventFile
 from validate.exit_codes import EXIT_BROKEN, EXIT_DONE, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_MISTAKE
 from validate.run_messages import RunMessages
 from validate.store import Store, StoreError
+from validate.view_names import view_names
 
 # ms, between the clock that is written and the one that is read: both are of this machine.
 CLOCK_MS = 60_000
@@ -40,7 +41,7 @@ def go(wanted, folder, out):  # noqa: F811
     with RunMessages(quiet=True) as messages:
         messages.start(out, "test")
         acquired = acquire(wanted, Store(folder / "store"), None, messages)
-        messages.failed(acquired.failed)
+        messages.failed(acquired.failed, view_names(wanted))
         messages.end(EXIT_FAILED if acquired.failed else EXIT_DONE, "results", acquired)
     return acquired
 
@@ -181,12 +182,12 @@ def test_quiet_prints_errors_and_the_last_line_alone(tmp_path, capsys):
         messages.warn("too bright")
         progress.advance("measured")
         progress.advance("measured")
-        messages.failed(acquired.failed)
+        messages.failed(acquired.failed, {"ab": "the view of camera 1"})
         messages.left_out("a run: left out")
         assert messages.end(EXIT_FAILED, "results in x", acquired) == EXIT_FAILED
     printed = capsys.readouterr()
     assert printed.out == "results in x\n"
-    assert printed.err.splitlines() == ["view ab failed: ValueError: no", "a run: left out"]
+    assert printed.err.splitlines() == ["the view of camera 1 failed: ValueError: no", "a run: left out"]
     assert [e["text"] for e in events(tmp_path) if e["event"] == "warning"] == ["too bright"]
 
 

@@ -9,6 +9,7 @@ from render.sampling import Sampling
 from render.view import Certificate, ViewRequest
 from tests.test_view_keys import STATE
 from validate.acquire import Acquired, Acquisition
+from validate.view_names import view_names
 from validate.warnings_of_views import SATURATED_SHARE, warn_of_render_noise, warn_of_saturation
 
 
@@ -24,14 +25,15 @@ def told(warn, **values: list[float]) -> str:
         )
         wanted += [Acquisition(request, 1, 2)] * 2  # a view that two configurations share
     lines: list[str] = []
-    warn(wanted, acquired, lines.append)
+    warn(wanted, acquired, lines.append, view_names(wanted))
     return "\n".join(lines)
 
 
 def test_saturated_views_are_counted_and_the_worst_is_named():
     said = told(warn_of_saturation, saturated_share=[0.0, 0.002, 0.123, 0.0009])
     assert said == (
-        "2 of 4 views have more than 0.1% of the pixels on markers saturated; the worst is camera 2: 12.3%. "
+        "2 of 4 views have more than 0.1% of the pixels on markers saturated; the worst is the view of camera 2 "
+        "(pan 0°, tilt 0°, zoom 1, focus 4 m): 12.3%. "
         'What helps: a shorter sensor.exposure_ms, a larger f_number, or exposure_ms = "auto"'
     )
 
@@ -45,5 +47,6 @@ def test_noisy_views_are_counted_and_the_worst_is_named():
     said = told(warn_of_render_noise, edge_p999=[0.5, 0.61, 1.36, float("nan")])
     assert said.startswith("2 of 4 views have more sampling noise ")
     assert "1.36 of the sensor's noise, asked: 0.6 " in said
+    assert "the worst is the view of camera 2 (pan 0°, tilt 0°, zoom 1, focus 4 m): 1.36" in said
     assert "\n" not in said
     assert told(warn_of_render_noise, edge_p999=[0.6, 0.1]) == ""

@@ -30,6 +30,7 @@ from validate.scale.options import HERE, Scale
 from validate.store import Store, StoreError, write_text
 from validate.sweep import Plan, SweepResult, assess_sweep, plan
 from validate.versions import versions
+from validate.view_names import names_in_steps
 from validate.warnings_of_views import warn_of_render_noise, warn_of_saturation
 
 __all__ = ["Options", "check_folders", "execute", "linked_views"]
@@ -138,9 +139,10 @@ def execute(options: Options, messages: RunMessages) -> int:
     for line in failures_of(scores):
         messages.warn(line)
     summary.show(results, acquired, messages.console)
-    warn_of_render_noise(wanted, acquired, messages.warn)
-    warn_of_saturation(wanted, acquired, messages.warn)
-    messages.failed(acquired.failed)
+    names = names_in_steps(plans)
+    warn_of_render_noise(wanted, acquired, messages.warn, names)
+    warn_of_saturation(wanted, acquired, messages.warn, names)
+    messages.failed(acquired.failed, names)
     for each in results:
         for label, cause in each.skipped:
             messages.left_out(f"{each.plan.sweep.name} {label}: left out, a view failed ({cause})")

@@ -85,10 +85,15 @@ class RunMessages:
         self.notes.print(line, style="yellow", markup=False, highlight=False, soft_wrap=True)
         self._event("warning", text=line)
 
-    def failed(self, failed: Mapping[str, str]) -> None:
-        """Name the views that failed, with their causes; the events have them already."""
+    def failed(self, failed: Mapping[str, str], names: Mapping[str, str]) -> None:
+        """Name the views that failed, with their causes; the events have them already.
+
+        Args:
+            failed: causes by the views' hashes.
+            names: what people call these views.
+        """
         for key, cause in failed.items():
-            self.errors.print(f"view {key} failed: {cause}", markup=False, style="red", soft_wrap=True)
+            self.errors.print(f"{names[key]} failed: {cause}", markup=False, style="red", soft_wrap=True)
 
     def left_out(self, line: str) -> None:
         """Say, quiet or not, what the results are without because of failed views."""

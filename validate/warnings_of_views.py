@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from validate.acquire import Acquired, Acquisition
 
@@ -13,8 +13,10 @@ __all__ = ["SATURATED_SHARE", "warn_of_render_noise", "warn_of_saturation"]
 SATURATED_SHARE = 0.001
 
 
-def warn_of_render_noise(wanted: Sequence[Acquisition], acquired: Acquired, warn: Callable[[str], None]) -> None:
-    """Say which views have more sampling noise than was asked, in one line."""
+def warn_of_render_noise(
+    wanted: Sequence[Acquisition], acquired: Acquired, warn: Callable[[str], None], names: Mapping[str, str]
+) -> None:
+    """Say which views have more sampling noise than was asked, in one line; `names` by the views' hashes."""
     bounds = {item.request.key: item.request.sampling.noise_ratio for item in wanted}
     missed = {
         key: certificate.edge_p999
@@ -25,14 +27,20 @@ def warn_of_render_noise(wanted: Sequence[Acquisition], acquired: Acquired, warn
         worst = max(missed, key=lambda key: missed[key])
         warn(
             f"{len(missed)} of {len(bounds)} views have more sampling noise at the edges of markers than was asked; "
-            f"the worst is {worst}: {missed[worst]:.2f} of the sensor's noise, asked: {bounds[worst]:g} "
+            f"the worst is {names[worst]}: {missed[worst]:.2f} of the sensor's noise, asked: {bounds[worst]:g} "
             "(99.9th percentile)"
         )
 
 
-def warn_of_saturation(wanted: Sequence[Acquisition], acquired: Acquired, warn: Callable[[str], None]) -> None:
-    """Say which views are overexposed where it counts, and what helps: edges that saturate seem to lie elsewhere."""
-    requests = {item.request.key: item.request for item in wanted}
+def warn_of_saturation(
+    wanted: Sequence[Acquisition], acquired: Acquired, warn: Callable[[str], None], names: Mapping[str, str]
+) -> None:
+    """Say which views are overexposed where it counts, and what helps: edges that saturate seem to lie elsewhere.
+
+    Args:
+        names: what people call the views, by their hashes.
+    """
+    count = len({item.request.key for item in wanted})
     bright = {
         key: certificate.saturated_share
         for key, certificate in acquired.certificates.items()
@@ -41,7 +49,7 @@ def warn_of_saturation(wanted: Sequence[Acquisition], acquired: Acquired, warn: 
     if bright:
         worst = max(bright, key=lambda key: bright[key])
         warn(
-            f"{len(bright)} of {len(requests)} views have more than {SATURATED_SHARE:.1%} of the pixels on markers "
-            f"saturated; the worst is camera {requests[worst].camera.name}: {bright[worst]:.1%}. What helps: a shorter "
+            f"{len(bright)} of {count} views have more than {SATURATED_SHARE:.1%} of the pixels on markers "
+            f"saturated; the worst is {names[worst]}: {bright[worst]:.1%}. What helps: a shorter "
             'sensor.exposure_ms, a larger f_number, or exposure_ms = "auto"'
         )

@@ -13,6 +13,7 @@ from validate.bank.study import calibrated, data_of, limits_of
 from validate.run_messages import RunMessages
 from validate.scale.options import HERE, Scale
 from validate.store import Store, write_text
+from validate.view_names import view_names
 
 __all__ = ["acquire_banks", "calibrate", "enough"]
 
@@ -23,7 +24,7 @@ def acquire_banks(
     """All renders of the banks, made where `scale` says; and the banks without views that failed, which are named."""
     wanted = [item for bank in banks for item in bank.wanted]
     acquired = acquire(wanted, store, chosen, messages, scale)
-    messages.failed(acquired.failed)
+    messages.failed(acquired.failed, view_names(wanted))
     whole = [bank.without(acquired.failed) for bank in banks]
     for bank, kept in zip(banks, whole, strict=True):
         if lost := len(bank.views) - len(kept.views):

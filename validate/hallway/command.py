@@ -45,6 +45,7 @@ from validate.scale.options import HERE, Scale
 from validate.store import Store, atomic_path, write_text
 from validate.tables import detection_rows, timing_rows, view_rows, write_csv
 from validate.versions import versions
+from validate.view_names import view_names
 from validate.warnings_of_views import warn_of_render_noise, warn_of_saturation
 
 __all__ = ["main", "run"]
@@ -139,7 +140,8 @@ def _judge(
     """Get the views, predict and measure, and leave tables, figures, report and film; the exit code."""
     begin = time.perf_counter()
     acquired = acquire(wanted.views, store, chosen, messages, scale)
-    messages.failed(acquired.failed)
+    names = view_names(wanted.views)
+    messages.failed(acquired.failed, names)
     whole = wanted.without(acquired.failed, messages)
     after_views = time.perf_counter()
     tables: dict[str, list[Row]] = {}
@@ -171,8 +173,8 @@ def _judge(
         _show(tables, messages.console)
     seconds = {"views": after_views - begin, "report": reported, "total": time.perf_counter() - begin}
     _write_run(folder, options, wanted.design, chosen.identity, acquired, sorted(tables), seconds)
-    warn_of_render_noise(wanted.views, acquired, messages.warn)
-    warn_of_saturation(wanted.views, acquired, messages.warn)
+    warn_of_render_noise(wanted.views, acquired, messages.warn, names)
+    warn_of_saturation(wanted.views, acquired, messages.warn, names)
     return messages.end(
         EXIT_FAILED if acquired.failed else EXIT_DONE,
         f"{len({item.request.key for item in wanted.views})} views ({acquired.rendered} rendered, "

@@ -23,6 +23,7 @@ from validate.run import check_folders
 from validate.store import Store, StoreError, write_text
 from validate.sweep import assess_sweep, plan
 from validate.table_text import table_text
+from validate.view_names import view_names
 
 __all__ = ["main", "run"]
 
@@ -123,7 +124,8 @@ def _acquired(
 ) -> Acquired:
     acquired = acquire(wanted, store, chosen, lambda total: ViewProgress(total, errors))
     if acquired.failed:
-        causes = "; ".join(f"view {key}: {cause}" for key, cause in acquired.failed.items())
+        names = view_names(wanted)
+        causes = "; ".join(f"{names[key]}: {cause}" for key, cause in acquired.failed.items())
         raise StoreError(f"Figure {number} lacks {len(acquired.failed)} views ({causes})")
     return acquired
 

@@ -7,6 +7,8 @@ from collections.abc import Iterable
 from validate.acquire import Acquisition
 from validate.measure import ViewMeasurement, load_measurement
 from validate.store import Store, StoreError
+from validate.stored_views import certificate_of
+from validate.view_names import view_name
 
 __all__ = ["REPORT", "stored_measurements"]
 
@@ -17,13 +19,15 @@ def stored_measurements(wanted: Iterable[Acquisition], store: Store) -> dict[Acq
     """What the store has measured of views.
 
     Raises:
-        StoreError: a view is not measured there.
+        StoreError: a view is not there, or not measured there.
     """
     measured: dict[Acquisition, ViewMeasurement] = {}
     for item in dict.fromkeys(wanted):
+        if certificate_of(store, item.request) is None:
+            raise StoreError(f"{view_name(item.request)} is not in the store {store.folder}; run it again")
         task = item.task(store)
         found = load_measurement(task) if store.fetch(task.path) else None
         if found is None:
-            raise StoreError(f"view {item.request.key} is not measured in the store {store.folder}; run it again")
+            raise StoreError(f"{view_name(item.request)} is not measured in the store {store.folder}; run it again")
         measured[item] = found
     return measured
