@@ -14,6 +14,9 @@ from numpy.typing import NDArray
 
 from pss.errors import RangeError
 from pss.files import read_bounded
+from pss.surrogates._ply import read_ply
+from pss.surrogates._polygon_files import read_obj, read_off
+from pss.surrogates._polygons import triangulated
 
 __all__ = ["FORMATS", "MOST_BYTES", "MOST_CORNERS", "read_mesh"]
 
@@ -21,6 +24,8 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 FORMATS = ("stl", "ply", "obj", "off", "glb")
+# What may have faces of more than three corners.
+POLYGONS = {"ply": read_ply, "obj": read_obj, "off": read_off}
 # A million faces as text; trimesh takes about ten times as much memory to read it.
 MOST_BYTES = 64 * 2**20
 # Of vertices, and of faces: what 64 MB can hold. A GLB may show one mesh many times, and so have more than its bytes.
@@ -47,7 +52,8 @@ def read_mesh(path: Path) -> tuple[Floats, Any]:
     Materials and textures are not read, and no other file is opened.
 
     Raises:
-        RangeError: it is of another format, larger than `MOST_BYTES` or `MOST_CORNERS`, or needs another file.
+        RangeError: it is of another format, larger than `MOST_BYTES` or `MOST_CORNERS`, needs another file, or has a
+            face that cannot be cut into triangles (`pss.surrogates._polygons`).
         Exception: of any kind that trimesh's readers fail with on a damaged file.
     """
     suffix = path.suffix.lower().removeprefix(".")
@@ -56,6 +62,13 @@ def read_mesh(path: Path) -> tuple[Floats, Any]:
     content = read_bounded(path, MOST_BYTES)
     if suffix == "glb":
         _check_glb(content)
+    if suffix in POLYGONS:
+        polygons = POLYGONS[suffix](content)
+        _check_count("vertices", len(polygons.vertices))
+        _check_count("corners of faces", len(polygons.corners))
+        faces = triangulated(polygons)
+        _check_count("faces", len(faces))
+        return polygons.vertices, faces
     # Slow to import, and nothing else of the metric needs it.
     import trimesh
 

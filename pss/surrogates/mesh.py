@@ -75,7 +75,8 @@ class Mesh:
         """The mesh in a file that ends in .stl, .ply, .obj, .off or .glb, of at most 64 MB and 2,000,000 faces.
 
         Axes are taken as they are in the file: no format's idea of "up" is applied. Nothing else is opened, whatever
-        materials and textures the file names; a GLB whose numbers are in another file is refused.
+        materials and textures the file names; a GLB whose numbers are in another file is refused. Faces of more than
+        three corners are cut into triangles, concave ones too.
 
         Args:
             name: what to call it; the file's name without its suffix if None.
@@ -83,7 +84,7 @@ class Mesh:
 
         Raises:
             RangeError, ShapeError: no such file, none that can be read, one that is too large, or one with numbers that
-                are not allowed.
+                are not allowed; a face that is no simple polygon near a plane, by its line.
             GeometryError: no triangles in it.
             MissingLibraryError: the format needs a library that is not there.
         """
