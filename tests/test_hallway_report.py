@@ -238,7 +238,7 @@ def test_a_schedule_that_has_changed_since_is_refused(tmp_path):
     options = {
         "schedule": "hallway",
         "scene": "None",
-        "store": str(tmp_path),
+        "store": str(tmp_path / "store"),
         "overrides": "[]",
         "strategy": "()",
         "allow_outside": "False",

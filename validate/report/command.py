@@ -28,12 +28,16 @@ from validate.report.data import read_sweeps
 from validate.report.files import REPORT, stored_measurements
 from validate.report.images import pictures_of
 from validate.report.model_file import write_models
+from validate.report.named import Given
 from validate.report.page import Section, html_of, section_of
 from validate.report.steps import steps_of_plan
 from validate.store import Store, StoreError, write_text
 from validate.sweep import Plan, SweepResult, plan
 
 __all__ = ["REPORT", "SweepForReport", "main", "of_results", "remade", "source_of_report", "write_report"]
+
+
+NOTHING_GIVEN = Given()
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,36 +107,38 @@ def source_of_report(figures_drawn_from: str) -> str:
     return digest.hexdigest()[:24]
 
 
-def remade(
-    folder: Path, store_name: str | None = None, strategy: Sequence[str] = (), allow_outside: bool = False
-) -> Path:
+def remade(folder: Path, given: Given = NOTHING_GIVEN, strategy: Sequence[str] = ()) -> Path:
     """The report of a finished run, made again.
 
-    The folder may be a stranger's: what it says of files to run, or to look for outside their folder, is not followed.
+    The folder may be a stranger's: what it names outside itself is neither run nor opened, unless `given`.
 
     Args:
-        strategy, allow_outside: as given to the run.
+        folder: of the run.
+        given: what the command line names of the run's files.
+        strategy: as given to the run.
 
     Raises:
-        StoreError: the folder is not that of a run, its files have changed since, or the store lacks what it used.
+        StoreError: the folder is not that of a run, it names what is not given, its files have changed since, or the
+            store lacks what it used.
     """
     said = _run_of(folder)
     if "schedule" in said:
         # Imported late: it builds on this package.
         from validate.hallway.report.files import remade_schedule
 
-        return remade_schedule(
-            folder, said, open_store(store_name or said["options"]["store"]), strategy, allow_outside
-        )
+        return remade_schedule(folder, said, given, strategy)
     options = {name: None if value == "None" else value for name, value in said["options"].items()}
-    store = open_store(store_name or options["store"])
+    store = open_store(given.store_of(folder, options["store"]))
     chosen = backend.choose(options["variant"])
     overrides = list(ast.literal_eval(options["set"]))
     overrides += [f"sweep.{name}={options[name]}" for name in ("trials", "seed") if options[name] is not None]
     loaded = []
     for name in ast.literal_eval(options["sweeps"]):
-        sweep = load_sweep(name, overrides, allow_outside=allow_outside)
-        loaded.append((sweep, load_scene(options["scene"] or sweep.scene_path, overrides, allow_outside=allow_outside)))
+        sweep = load_sweep(given.file_of(folder, "sweep", name), overrides, allow_outside=given.allow_outside)
+        scene_path = given.scene_of(folder, options["scene"])
+        if scene_path is None:
+            given.check_scene_of(folder, sweep.path, scene_path := sweep.scene_path)
+        loaded.append((sweep, load_scene(scene_path, overrides, allow_outside=given.allow_outside)))
     sweeps = []
     tables = {table.name: table for table in read_sweeps(folder)}
     for sweep, scene in with_exposures(loaded, store, lambda line: None, lambda line: None, chosen):
@@ -179,18 +185,25 @@ def run(
     folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FOLDER")],
     /,
     store: Annotated[str | None, tyro.conf.arg(metavar="DIR")] = None,
+    scene: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
+    file: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="FILE")] = (),
     strategy: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="FILE:FUNCTION")] = (),
     allow_outside: bool = False,
 ) -> int:
     """Make report.html and scene.glb of a finished run again, from its CSV files and the store.
 
+    Of what the folder's run.json names, sweeps and scenes of the project, files in the folder and results/store are
+    used. All else is given anew: the folder may be a stranger's.
+
     Args:
         folder: results that a run of sweeps or of a schedule has left.
-        store: folder of rendered views and measurements (default: the run's own).
+        store: folder of rendered views and measurements, or an address.
+        scene: scene file that was given to the run in place of the sweeps' own.
+        file: sweep or schedule file of one's own that was given to the run; may be repeated.
         strategy: a schedule's strategies of one's own, as they were given to it: their files are run.
-        allow_outside: let files name others outside their folder (see "Files from others" in docs/scenes.md).
+        allow_outside: let the folder and files name others outside (see "Files from others" in docs/scenes.md).
     """
-    print(remade(folder, store, strategy, allow_outside))
+    print(remade(folder, Given(store, scene, file, allow_outside), strategy))
     return 0
 
 

@@ -25,9 +25,11 @@ from validate.hallway.runs import limit_name, steered_runs
 from validate.hallway.stage import BOTH, stage_of
 from validate.hallway.study import MODELS, Design, design_of, predicted_at
 from validate.measure import ViewMeasurement
+from validate.remote_store import open_store
 from validate.report.files import REPORT, stored_measurements
 from validate.report.images import pictures_of
 from validate.report.model_file import write_models
+from validate.report.named import Given
 from validate.store import Store, StoreError, write_text
 
 __all__ = ["ScheduleForReport", "of_schedule", "remade_schedule", "write_schedule_report"]
@@ -93,14 +95,12 @@ def write_schedule_report(folder: Path, made: ScheduleForReport, store: Store) -
     return path
 
 
-def remade_schedule(
-    folder: Path, said: Mapping[str, Any], store: Store, strategy: Sequence[str] = (), allow_outside: bool = False
-) -> Path:
+def remade_schedule(folder: Path, said: Mapping[str, Any], given: Given, strategy: Sequence[str] = ()) -> Path:
     """The report of a finished schedule, made again: cameras are steered and PSS is predicted anew.
 
     Args:
         said: the folder's run.json.
-        strategy, allow_outside: as given to the run, and given again: what run.json names may be a stranger's file.
+        given, strategy: what the command line names of the run's files: what run.json names may be a stranger's.
 
     Raises:
         StoreError: other strategies than the run's, its files have changed since, or the store lacks what it used.
@@ -111,9 +111,13 @@ def remade_schedule(
         wanted = " ".join(f"--strategy {each}" for each in used) or "no --strategy"
         raise StoreError(f"{folder} was made with {wanted}; allowed: the same again, as such files are run")
     overrides = list(ast.literal_eval(options["overrides"]))
-    file = load_schedule(options["schedule"], overrides, allow_outside=allow_outside)
-    scene_path = file.scene_path if options["scene"] == "None" else Path(options["scene"])
-    stage = stage_of(file, load_scene(scene_path, overrides, allow_outside=allow_outside))
+    store = open_store(given.store_of(folder, options["store"]))
+    schedule = given.file_of(folder, "schedule", options["schedule"])
+    file = load_schedule(schedule, overrides, allow_outside=given.allow_outside)
+    scene_path = given.scene_of(folder, None if options["scene"] == "None" else options["scene"])
+    if scene_path is None:
+        given.check_scene_of(folder, file.path, scene_path := file.scene_path)
+    stage = stage_of(file, load_scene(scene_path, overrides, allow_outside=given.allow_outside))
     if _plain(file.resolved()) != said["schedule"] or _plain(stage.scene.resolved()) != said["scene"]:
         raise StoreError(
             f"{file.path} or {scene_path} has changed since the run in {folder}; allowed: the files that it was made "
