@@ -102,16 +102,21 @@ def sample_image(
     sensor_noise: Callable[[Floats32], Floats32],
     sampling: Sampling,
     rng: np.random.Generator,
+    saturates: Callable[[Floats32], NDArray[np.bool_]] | None = None,
 ) -> Sampled:
     """Render an image of `resolution` (width, height) by need.
 
     Args:
         sensor_noise: from an image (height, width) to the σ of one capture's noise, in the image's unit.
+        saturates: from an image to where the sensor saturates beyond doubt; where a pixel and all around it do, more
+            samples would show nothing, and it gets the fewest. None: nowhere.
     """
     width, height = resolution
     everywhere = np.arange(width * height, dtype=np.uint32)
     pilot_mean, pilot_variance = sampler(everywhere, sampling.pilot, rng)
-    exponent = _needed_exponent(pilot_mean, pilot_variance, AROUND | ITSELF, resolution, sensor_noise, sampling)
+    exponent = _needed_exponent(
+        pilot_mean, pilot_variance, AROUND | ITSELF, resolution, sensor_noise, sampling, saturates
+    )
 
     halves = np.zeros((2, width * height), dtype=np.float32)
     variance = np.zeros(width * height, dtype=np.float32)
@@ -133,7 +138,7 @@ def sample_image(
     # What the pilot's few samples all missed, such as the sliver of an edge in a pixel's corner, may show in the
     # neighbours by now. The pixel's own samples have no say: to keep them because they look quiet would bias them.
     for _ in range(MOST_ROUNDS - 1):
-        second = _needed_exponent(halves.mean(axis=0), variance, AROUND, resolution, sensor_noise, sampling)
+        second = _needed_exponent(halves.mean(axis=0), variance, AROUND, resolution, sensor_noise, sampling, saturates)
         short = second > exponent + POWERS_SHORT
         if not short.any():
             break
@@ -150,6 +155,7 @@ def _needed_exponent(
     resolution: tuple[int, int],
     sensor_noise: Callable[[Floats32], Floats32],
     sampling: Sampling,
+    saturates: Callable[[Floats32], NDArray[np.bool_]] | None,
 ) -> NDArray[np.int64]:
     """Power of two of the samples that each pixel needs, (height · width,), by the worst in `footprint`."""
     width, height = resolution
@@ -163,6 +169,8 @@ def _needed_exponent(
     contrast = maximum_filter(mean, footprint=footprint) - minimum_filter(mean, footprint=footprint)
     by_contrast = contrast / (sampling.noise_ratio * noise)
     wanted = np.clip(np.maximum(by_spread, by_contrast), sampling.fewest, sampling.most)
+    if saturates is not None:
+        wanted[minimum_filter(saturates(mean), size=3)] = sampling.fewest
     return np.ceil(np.log2(wanted)).astype(np.int64).ravel()
 
 

@@ -33,6 +33,7 @@ __all__ = [
     "relative_illumination",
     "saturated_share",
     "shot_noise",
+    "surely_saturated",
 ]
 
 Floats = NDArray[np.floating]
@@ -40,6 +41,8 @@ Image = NDArray[np.float32]
 
 # From here on the distribution function of the expansion is within 0.0009 of Poisson's.
 EXACT_BELOW_E = 12.0
+# One draw in a billion lies below.
+SURELY_SIGMA = 6.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,6 +198,15 @@ def capture(
     charge = mean_charge(np.asarray(electrons, dtype=np.float32), sensor, pattern)
     collected = fill_well(shot_noise(charge, rng), sensor)
     return digitise(amplify(read_out(collected, sensor, rng, pattern), sensor), sensor)
+
+
+def surely_saturated(electrons: Floats, sensor: ImageSensor) -> NDArray[np.bool_]:
+    """Where mean photoelectrons (any shape) saturate in every capture, even if the mean is twice what it should be.
+
+    PRNU and noise take `SURELY_SIGMA` of their σ away.
+    """
+    least = np.asarray(electrons) * max(0.0, 1 - SURELY_SIGMA * sensor.prnu_share)
+    return np.asarray(least / 2 - SURELY_SIGMA * sensor.noise_electrons(least / 2) > sensor.saturation_e)
 
 
 def saturated_share(electrons: Floats, sensor: ImageSensor) -> float:

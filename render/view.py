@@ -21,7 +21,7 @@ from pss import ImageSensor, PTZCamera, RangeError
 from pss.surrogates import Mesh
 from render import backend, glow, lens, motion
 from render.sampling import RingLight, Sampled, Sampling, film_samples, pixel_means, sample_image
-from render.sensor import capture, expected_electrons, fixed_pattern, saturated_share
+from render.sensor import capture, expected_electrons, fixed_pattern, saturated_share, surely_saturated
 from render.state import SceneState
 
 __all__ = ["Certificate", "RenderedView", "Renderer", "ViewRequest", "light_key", "random_stream", "state_key"]
@@ -174,6 +174,9 @@ class Renderer:
             sigma = sensor.noise_electrons(radiance * electrons_per_radiance) / electrons_per_radiance
             return np.asarray(sigma, dtype=np.float32)
 
+        def saturates(radiance: NDArray[np.float32]) -> NDArray[np.bool_]:
+            return surely_saturated(radiance * electrons_per_radiance, sensor)
+
         mitsuba_sensor = lens.load_sensor(camera, self._mi)
         intensity = self.state.light.ring_w_per_sr
         ring = RingLight(camera.position_m, intensity) if intensity > 0 else None
@@ -191,7 +194,7 @@ class Renderer:
         ]
         sampler = motion.over_shutter(samplers) if len(samplers) > 1 else samplers[0]
         rng = random_stream(0, request.key, "render")
-        image = sample_image(sampler, camera.resolution, noise, request.sampling, rng)
+        image = sample_image(sampler, camera.resolution, noise, request.sampling, rng, saturates)
         depth, normal, marker = self._first_hits(camera, mitsuba_sensor)
         electrons = image.mean * electrons_per_radiance
         return RenderedView(
@@ -203,7 +206,7 @@ class Renderer:
             normal,
             marker,
             capture(electrons, sensor, random_stream(0, request.key, "sample capture"), fixed_pattern(camera, sensor)),
-            certify(image, noise, marker, saturated_share(electrons[marker >= 0], sensor)),
+            certify(image, noise, marker, saturated_share(electrons[marker >= 0], sensor), saturates(image.mean)),
         )
 
     def _over_exposure(self, camera: PTZCamera, exposure_s: float) -> list[Any]:
@@ -269,11 +272,17 @@ def certify(
     noise: Callable[[NDArray[np.float32]], NDArray[np.float32]],
     marker: NDArray[np.int32],
     saturated: float,
+    unseen: NDArray[np.bool_] | bool = False,
 ) -> Certificate:
-    """State the sampling noise that two half renders of a view show."""
+    """State the sampling noise that two half renders of a view show.
+
+    Args:
+        saturated: of the pixels on markers, the share that reaches saturation.
+        unseen: (height, width), pixels that saturate beyond doubt: no capture shows their sampling noise.
+    """
     sigma = noise(image.mean)
-    ratio = np.abs(image.half_difference) / 2 / sigma
-    on_edge = np.sqrt(image.variance) > EDGE_SPREAD * sigma
+    ratio = np.where(unseen, np.float32(0), np.abs(image.half_difference) / 2 / sigma)
+    on_edge = (np.sqrt(image.variance) > EDGE_SPREAD * sigma) & ~np.asarray(unseen)
     of_marker = on_edge & (maximum_filter(marker, 3) >= 0)
     edges = ratio[of_marker]
     pooled = _pooled(ratio, on_edge)

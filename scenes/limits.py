@@ -7,6 +7,9 @@ faces in `scenes.mesh_file`, pixels of an image in `render.images`.
 from __future__ import annotations
 
 __all__ = [
+    "BRIGHTEST_RING_W_PER_SR",
+    "BRIGHTEST_W_PER_M2_SR",
+    "LONGEST_EXPOSURE_MS",
     "LONGEST_NAME",
     "LONGEST_ROOM_M",
     "LONGEST_TITLE",
@@ -18,6 +21,8 @@ __all__ = [
     "MOST_RUNS",
     "MOST_STEPS",
     "MOST_TRIALS",
+    "SHORTEST_EXPOSURE_MS",
+    "SMALLEST_PITCH_UM",
 ]
 
 # Large capture studios have two hundred; each is compared with each object.
@@ -30,6 +35,15 @@ MOST_PANELS = 100
 MOST_PLACED = 1000
 # Light is solved on patches of half a metre; a hall of this length and breadth has as many as a matrix can be made of.
 LONGEST_ROOM_M = 100.0
+# The sun's disc above the atmosphere, all wavelengths together: 1361 W/m² (Kopp & Lean 2011) from 6.8e-5 sr. No surface
+# in a room is brighter, and nothing shows but saturation.
+BRIGHTEST_W_PER_M2_SR = 2e7
+# A lamp of 0.1 m × 0.1 m as bright as that.
+BRIGHTEST_RING_W_PER_SR = 2e5
+# From a nanosecond, the shortest gate of intensified cameras, to an hour.
+SHORTEST_EXPOSURE_MS, LONGEST_EXPOSURE_MS = 1e-6, 3.6e6
+# A quarter of a wavelength of light; a pitch typed in metres or millimetres lies below it.
+SMALLEST_PITCH_UM = 0.1
 # Of a marker and camera: the last digit of a deviation is known after some thousand.
 MOST_TRIALS = 10_000
 # Of a sweep or a walk; each renders views of its own.

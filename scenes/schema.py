@@ -18,7 +18,18 @@ from pss.photometry import LARGEST_PRNU_SHARE
 from render.exposure import AutoExposure
 from scenes.avatar_schema import AvatarSpec
 from scenes.dictionaries import DICTIONARIES
-from scenes.limits import LONGEST_ROOM_M, MOST_CAMERAS, MOST_OBJECTS, MOST_PANELS, MOST_PLACED
+from scenes.limits import (
+    BRIGHTEST_RING_W_PER_SR,
+    BRIGHTEST_W_PER_M2_SR,
+    LONGEST_EXPOSURE_MS,
+    LONGEST_ROOM_M,
+    MOST_CAMERAS,
+    MOST_OBJECTS,
+    MOST_PANELS,
+    MOST_PLACED,
+    SHORTEST_EXPOSURE_MS,
+    SMALLEST_PITCH_UM,
+)
 from scenes.mesh_schema import BackdropSpec, MeshSpec
 from scenes.motion_schema import MovingSpec
 from scenes.quantities import Albedo, Degrees, Direction, MarkerId, Metres, Millimetres, Point
@@ -44,6 +55,8 @@ FASTEST_F_NUMBER = 0.5
 
 Size = Annotated[Number, Field(gt=0)]
 PixelCount = Annotated[int, Field(strict=True, ge=16, le=20000)]
+EXPOSURE = f"a number from {SHORTEST_EXPOSURE_MS:g} to {LONGEST_EXPOSURE_MS:g}, in milliseconds"
+Exposure = Annotated[Number, Field(ge=SHORTEST_EXPOSURE_MS, le=LONGEST_EXPOSURE_MS)]
 TILT = f"a number from -{MAX_ABS_TILT_DEG} to {MAX_ABS_TILT_DEG}, in degrees"
 
 
@@ -74,11 +87,17 @@ class LightSpec(Spec):
     """[light]: "ambient", panels in the ceiling; or "ring", a strobe at each camera, which sees its own alone."""
 
     kind: Annotated[Literal["ambient", "ring"], Field(description='"ambient" or "ring"')] = "ambient"
-    radiance_w_per_m2_sr: Positive | None = Field(None, description="a number above 0, in W/(m² sr), of the panels")
+    radiance_w_per_m2_sr: Annotated[Positive, Field(le=BRIGHTEST_W_PER_M2_SR)] | None = Field(
+        None,
+        description=f"a number above 0, at most {BRIGHTEST_W_PER_M2_SR:.0e} (the sun), in W/(m² sr), of the panels",
+    )
     panels: Annotated[tuple[Annotated[PanelSpec, Item], ...], Field(min_length=1, max_length=MOST_PANELS)] | None = (
         Field(None, description=f"at least one {{ centre_m, size_m }}, at most {MOST_PANELS}")
     )
-    ring_w_per_sr: Positive | None = Field(None, description="a number above 0, in W/sr, of each camera's ring light")
+    ring_w_per_sr: Annotated[Positive, Field(le=BRIGHTEST_RING_W_PER_SR)] | None = Field(
+        None,
+        description=f"a number above 0, at most {BRIGHTEST_RING_W_PER_SR:.0e}, in W/sr, of each camera's ring light",
+    )
 
 
 class SensorFileSpec(Spec):
@@ -87,7 +106,14 @@ class SensorFileSpec(Spec):
     resolution_px: Annotated[
         tuple[PixelCount, PixelCount], Field(description="[width, height], whole numbers from 16 to 20000, in pixels")
     ]
-    pixel_pitch_um: Annotated[Positive, Field(lt=1000, description="a number above 0 and below 1000, in micrometres")]
+    pixel_pitch_um: Annotated[
+        Positive,
+        Field(
+            ge=SMALLEST_PITCH_UM,
+            lt=1000,
+            description=f"a number from {SMALLEST_PITCH_UM} to below 1000, in micrometres",
+        ),
+    ]
     wavelength_nm: Annotated[Positive, Field(description="a number above 0, in nanometres")]
     quantum_efficiency: Annotated[Positive, Field(le=1, description="a number above 0, at most 1")]
     full_well_e: Annotated[Positive, Field(description="a number above 0, in electrons")]
@@ -111,15 +137,13 @@ class SensorSpec(SensorFileSpec):
     """[sensor]: one for all cameras. With `name` it starts from that sensor, and its own keys go before."""
 
     name: Annotated[str, Field(strict=True)] | None = Field(None, description=", ".join(known_sensors()))
-    exposure_ms: Annotated[
-        Positive | Literal["auto"], Field(description='a number above 0, in milliseconds, or "auto"')
-    ]
+    exposure_ms: Annotated[Exposure | Literal["auto"], Field(description=f'{EXPOSURE}, or "auto"')]
     # No numbers for defaults: beside an exposure in numbers, these keys say nothing.
     auto_exposure_share: Annotated[Number, Field(gt=0, le=1)] | None = Field(
         None, description=f"a number above 0, at most 1, of the saturation (without it, {AutoExposure.share:g})"
     )
-    longest_exposure_ms: Positive | None = Field(
-        None, description=f"a number above 0, in milliseconds (without it, {AutoExposure.longest_ms:g})"
+    longest_exposure_ms: Exposure | None = Field(
+        None, description=f"{EXPOSURE} (without it, {AutoExposure.longest_ms:g})"
     )
 
     # Another name is another sensor, not the old one's numbers under a new name.

@@ -169,7 +169,7 @@ def test_a_wrong_name_is_one_line_with_the_nearest(said, hint, tmp_path):
 
 def test_a_named_sensor_leaves_the_exposure_to_the_scene(tmp_path):
     assert problems(tmp_path, 'name = "surveillance-ptz"') == [
-        'sensor.exposure_ms is missing; allowed: a number above 0, in milliseconds, or "auto"'
+        'sensor.exposure_ms is missing; allowed: a number from 1e-06 to 3.6e+06, in milliseconds, or "auto"'
     ]
 
 
