@@ -58,13 +58,15 @@ def read_bounded(path: str | os.PathLike[str], most_bytes: int) -> bytes:
 def read_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
     """The document in a TOML file of at most `MOST_TOML_BYTES`, whose tables are at most `DEEPEST_TABLE` deep.
 
+    A byte order mark at its beginning is passed over.
+
     Raises:
         RangeError: one line that starts with the path: the file is not there, cannot be read, is larger or deeper than
             that, or is no TOML (then with line and column).
     """
     text = ""
     try:
-        text = read_bounded(path, MOST_TOML_BYTES).decode("utf-8")
+        text = read_bounded(path, MOST_TOML_BYTES).decode("utf-8-sig")
         if found := _LONG_KEY.search(text):
             number = text.count("\n", 0, found.start()) + 1
             raise RangeError(

@@ -108,8 +108,19 @@ def allowed_in(error: Exception) -> str:
 
 def shown(value: object) -> str:
     """A value as the user would write it in the file, shortened."""
-    text = repr(value) if isinstance(value, float) else json.dumps(value, default=str, ensure_ascii=False)
+    text = _written(value)
     return text if len(text) <= LONGEST_VALUE else text[: LONGEST_VALUE - 1] + "…"
+
+
+def _written(value: object) -> str:
+    if isinstance(value, float):
+        return repr(value)
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(_written(item) for item in value)}]"
+    if isinstance(value, dict):
+        items = (f"{json.dumps(str(key), ensure_ascii=False)}: {_written(item)}" for key, item in value.items())
+        return f"{{{', '.join(items)}}}"
+    return json.dumps(value, default=str, ensure_ascii=False)
 
 
 def dotted(location: Location, document: object) -> str:

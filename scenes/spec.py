@@ -73,12 +73,14 @@ class Spec(BaseModel):
     def _one_problem_a_leaf(cls, value: Any, handler: Any, info: ValidationInfo) -> Any:
         try:
             return handler(value)
-        except ValidationError:
+        except ValidationError as error:
             if _is_draft(info):
                 return None
             allowed = cls.model_fields[info.field_name or ""].description
             if allowed is None:
                 raise
+            if any(item["type"] == "finite_number" for item in error.errors(include_url=False)):
+                allowed += "; finite numbers, not nan or inf"
             raise PydanticCustomError("allowed", "{allowed}", {"allowed": allowed}) from None
 
 
@@ -143,19 +145,21 @@ def _report(model: type[Spec], item: dict[str, Any], problems: Problems) -> None
         case "extra_forbidden":
             problems.unknown_key(location, allowed_keys(owners[0]))
         case "missing":
-            problems.add(location, _fields(owners[0])[str(location[-1])].description or _described(below))
+            field = _fields(owners[0])[str(location[-1])]
+            items = _listed(location, below) if below and _is_list(field.annotation) else _described(below)
+            problems.add(location, field.description or items)
         case "union_tag_invalid" | "union_tag_not_found":
             kind = next(iter(_kinds(below[0])))
             problems.add((*location, kind), ", ".join(tag for table in below for tag in _kinds(table)[kind]))
         case "too_short":
             # Pydantic doesn't count the items that it has reported already.
             if not item["input"]:
-                problems.add(location, "at least one")
+                problems.add(location, _listed(location, below) if below else "at least one")
         case "too_long":
             most = item["ctx"]["max_length"]
             problems.add(location, f"at most {most}; there are {len(item['input'])}")
         case "tuple_type":
-            problems.add(location, f"a list; each item: {_described(below)}")
+            problems.add(location, _listed(location, below))
         case "model_type" | "model_attributes_type":
             problems.add(location, _described(below))
         case _:
@@ -164,6 +168,16 @@ def _report(model: type[Spec], item: dict[str, Any], problems: Problems) -> None
 
 def _described(tables: tuple[type[Spec], ...]) -> str:
     return " or ".join(f"a table with {', '.join(allowed_keys(table))}" for table in tables)
+
+
+def _listed(location: Location, tables: tuple[type[Spec], ...]) -> str:
+    """What a list of tables is allowed to be: as TOML writes it, [[cameras]]."""
+    key = ".".join(step for step in location if isinstance(step, str))
+    return f"at least one [[{key}]], each {_described(tables)}"
+
+
+def _is_list(annotation: Any) -> bool:
+    return get_origin(annotation) is tuple or any(_is_list(part) for part in get_args(annotation))
 
 
 # ---- parts of a draft ---------------------------------------------------------------------------------------------

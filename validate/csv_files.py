@@ -34,7 +34,7 @@ def csv_text(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
 
 def read_csv(path: Path) -> list[dict[str, str]]:
     """The rows of a CSV file by the names in its head, as they were before `csv_text`."""
-    with path.open(encoding="utf-8", newline="") as file:
+    with path.open(encoding="utf-8-sig", newline="") as file:
         reader = csv.reader(file)
         head = _texts(next(reader, []))
         return [dict(zip(head, _texts(row), strict=False)) for row in reader if row]
@@ -42,7 +42,7 @@ def read_csv(path: Path) -> list[dict[str, str]]:
 
 def read_head(path: Path) -> list[str]:
     """The names of a CSV file's columns."""
-    with path.open(encoding="utf-8", newline="") as file:
+    with path.open(encoding="utf-8-sig", newline="") as file:
         return _texts(next(csv.reader(file), []))
 
 

@@ -21,6 +21,7 @@ from validate.errors3d import FEWEST_TRIALS
 from validate.exit_codes import EXIT_DONE, EXIT_FAILED
 from validate.expose import with_exposures
 from validate.file_names import check_default_folder, check_names, sweep_name
+from validate.outputs import check_outputs
 from validate.own_metrics import failures_of
 from validate.progress import clock
 from validate.remote_store import is_address, open_store
@@ -187,6 +188,7 @@ def check_folders(out: Path, store: str) -> None:
     existing = next(parent for parent in [out, *out.resolve().parents] if parent.exists())
     if not os.access(existing, os.W_OK):
         raise StoreError(f"--out {out} cannot be written; allowed is a folder that you may write to")
+    check_outputs(out)
 
 
 def _loaded(options: Options) -> list[tuple[SweepFile, Scene]]:
@@ -232,6 +234,8 @@ def linked_views(folder: Path, keys: Iterable[str], store: Store) -> None:
     views.mkdir(parents=True, exist_ok=True)
     for key in dict.fromkeys(keys):
         link, target = views / f"{key}.exr", store.view(key)
+        if link.is_dir() and not link.is_symlink():
+            raise StoreError(f"{link} is a folder; allowed is a file in its place, or nothing")
         if link.is_symlink() or link.exists():
             link.unlink()
         link.symlink_to(os.path.relpath(target, views))

@@ -67,8 +67,10 @@ def atomic_path(
         before_rename: is given the temporary path when its bytes are on the disk, and not yet under its own name.
 
     Raises:
-        StoreError: the folder cannot be written, or the disk is full.
+        StoreError: the folder cannot be written, the disk is full, or a folder has the file's name.
     """
+    if path.is_dir():
+        raise StoreError(f"{path} is a folder; allowed is a file in its place, or nothing")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.parent not in _tidied:

@@ -27,6 +27,7 @@ from validate.console import Console
 from validate.exit_codes import EXIT_DONE, EXIT_FAILED
 from validate.program import program_name
 from validate.remote_store import open_store
+from validate.run import check_folders
 from validate.run_messages import RunMessages
 from validate.scale.options import HERE, Scale
 from validate.tables import write_csv
@@ -71,6 +72,7 @@ def run(
         scale: where views are made (docs/scale.md).
     """
     scale.check()
+    check_folders(out, store)
     design = BankDesign(settings=settings, trials=trials, turns=turns, seed=seed)
     loaded = load_scene(scene or SWEEPS.parent / "room.toml", allow_outside=allow_outside)
     opened = open_store(store)

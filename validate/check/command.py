@@ -49,10 +49,10 @@ def run(
         allow_outside: let files name others outside their folder (see "Files from others" in docs/scenes.md).
     """
     path = named_file(scene, SCENES, "scene")
-    drawing = out or Path("results") / "check" / f"{path.stem}.png"
-    if drawing.suffix.lower() not in DRAWINGS:
-        raise RangeError(f"--out {drawing}; allowed: a file that ends in {', '.join(DRAWINGS)}")
+    if out is not None and out.suffix.lower() not in DRAWINGS:
+        raise RangeError(f"--out {out}; allowed: a file that ends in {', '.join(DRAWINGS)}")
     document = read_toml(path)
+    drawing = out or Path("results") / "check" / f"{path.stem}.png"
     if "vary" in document and "room" not in document:
         raise RangeError(f"{path} is a sweep; allowed: a scene, such as its own: {document.get('scene')}")
     seen = foresee(load_scene(path, set, allow_outside=allow_outside))

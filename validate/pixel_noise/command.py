@@ -33,15 +33,13 @@ def run(
     from pss import RangeError
     from validate.console import Console
     from validate.pixel_noise.report import make
-    from validate.store import StoreError
+    from validate.run import check_folders
 
     if trials is not None and trials < 2:
         raise RangeError(f"--trials {trials}; allowed: 2 or more (a spread needs two)")
     if seed < 0:
         raise RangeError(f"--seed {seed}; allowed: 0 or more")
-    for flag, folder in (("--out", out), ("--store", Path(store))):
-        if folder.exists() and not folder.is_dir():
-            raise StoreError(f"{flag} {folder} is a file; allowed is a folder")
+    check_folders(out, store)
     wide = None if sys.stdout.isatty() else 140
     make(out, store, seed, trials, quick, Console(width=wide), Console(stderr=True))
     return 0
