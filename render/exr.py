@@ -30,9 +30,11 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from pss import ImageSensor, PSSError, PTZCamera, RangeError
+from pss.json_text import json_text
 from render.exr_attributes import standard_attributes
 from render.images import one_line, open_image
-from render.view import RENDER_VERSION, Certificate, RenderedView, ViewRequest
+from render.keys import view_code
+from render.view import Certificate, RenderedView, ViewRequest
 
 __all__ = ["ImageFileError", "ViewPlanes", "read_certificate", "read_planes", "read_view", "write_view"]
 
@@ -101,13 +103,13 @@ def header(view: RenderedView, request: ViewRequest) -> dict[str, str]:
         "sampling": dataclasses.asdict(request.sampling),
         "certificate": dataclasses.asdict(view.certificate),
         "seed": {"run_seed": 0, "streams": ["render", "sample capture"], "trial": 0},
-        "versions": {"render": RENDER_VERSION, "renderer": request.renderer, **versions},
+        "versions": {"render": view_code().digest, "renderer": request.renderer, **versions},
         "K": camera.intrinsic_matrix.tolist(),
         "R": camera.rotation.tolist(),
         "t_m": camera.translation_m.tolist(),
         "units": UNITS,
     }
-    return {f"pss:{name}": value if isinstance(value, str) else json.dumps(value) for name, value in content.items()}
+    return {f"pss:{name}": value if isinstance(value, str) else json_text(value) for name, value in content.items()}
 
 
 def read_view(path: Path) -> RenderedView:
@@ -203,10 +205,10 @@ def _opened(path: Path) -> Iterator[Any]:
 
 def _certificate(path: Path, spec: Any) -> Certificate:
     said = _attribute(path, spec, "certificate")
-    for name, value in said.items():
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise ImageFileError(f"{path}: {name[:60]!r} of its certificate is {str(value)[:60]!r}; allowed: a number")
-    return Certificate(**said)
+    try:
+        return Certificate.from_json(said)
+    except RangeError as error:
+        raise ImageFileError(f"{path}: {error}") from error
 
 
 def _attribute(path: Path, spec: Any, name: str) -> dict[str, Any]:

@@ -6,11 +6,9 @@ A view is named by the hash of all that determines its pixels, so that whoever n
 from __future__ import annotations
 
 import dataclasses
-import hashlib
-import json
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,8 +16,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, uniform_filter
 
 from pss import ImageSensor, PTZCamera, RangeError
-from pss.surrogates import Mesh
 from render import backend, glow, lens, motion
+from render.keys import content_of, light_key, random_stream, state_key, view_key
 from render.sampling import RingLight, Sampled, Sampling, film_samples, pixel_means, sample_image
 from render.sensor import capture, expected_electrons, fixed_pattern, saturated_share, surely_saturated
 from render.state import SceneState
@@ -28,49 +26,10 @@ __all__ = ["Certificate", "RenderedView", "Renderer", "ViewRequest", "light_key"
 
 Floats = NDArray[np.floating]
 
-# Raised whenever the code changes what is rendered, so that stored views of older code are not taken for today's.
-RENDER_VERSION = 6
-# Likewise, where only the light of scenes with meshes changes.
-MESH_LIGHT_VERSION = 1
 # An edge crosses a marker's pixel where the samples within it spread (σ) by more than this many times its sensor noise.
 EDGE_SPREAD = 0.5
 # Side of the window over which the certificate pools the noise of edge pixels.
 POOLED_PX = 5
-
-
-def _digest(content: object) -> str:
-    text = json.dumps(content, sort_keys=True, separators=(",", ":"), default=_plain)
-    return hashlib.sha256(text.encode()).hexdigest()[:24]
-
-
-def _plain(value: object) -> object:
-    if isinstance(value, Mesh):
-        return {"type": "Mesh", "name": value.name, "digest": value.digest}
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        fields = {field.name: getattr(value, field.name) for field in dataclasses.fields(value) if field.compare}
-        return {"type": type(value).__name__, **fields}
-    raise TypeError(f"{type(value).__name__} has no place in a view's hash")
-
-
-def state_key(state: SceneState) -> str:
-    """Hash of a scene state."""
-    return _state_key(state, RENDER_VERSION, MESH_LIGHT_VERSION)
-
-
-def light_key(state: SceneState) -> str:
-    """The name under which a scene state's solved light is stored; kinds of processor round it differently."""
-    return state_key(state) + backend.processor_mark()
-
-
-@lru_cache(maxsize=256)
-def _state_key(state: SceneState, version: int, mesh_version: int) -> str:
-    # Kept, because every view of a state asks for it, and a person is some thousand numbers.
-    versions = [version, mesh_version] if _has_meshes(state) else [version]
-    return _digest([*versions, state])
-
-
-def _has_meshes(state: SceneState) -> bool:
-    return any(isinstance(item.shape, Mesh) for item in state.objects)
 
 
 @dataclass(frozen=True)
@@ -86,14 +45,12 @@ class ViewRequest:
     @cached_property
     def key(self) -> str:
         """The view's name: the same for the same pixels, in any run and on any machine of the same kind."""
-        return _digest([RENDER_VERSION, state_key(self.state), self.camera, self.sensor, self.sampling, self.renderer])
+        return view_key([state_key(self.state), self.camera, self.sensor, self.sampling, self.renderer])
 
-
-def random_stream(seed: int, key: str, stream: str, trial: int = 0) -> np.random.Generator:
-    """The random numbers of one stream of one view in one trial: the same for any order, worker count or resume."""
-    words = hashlib.sha256(f"{key}/{stream}".encode()).digest()
-    entropy = [seed, trial, *np.frombuffer(words, dtype=np.uint32).tolist()]
-    return np.random.default_rng(np.random.SeedSequence(entropy))
+    @property
+    def content(self) -> str:
+        """The part of the name that the code has no share in; random numbers hang on it."""
+        return content_of(self.key)
 
 
 @dataclass(frozen=True)
@@ -113,6 +70,21 @@ class Certificate:
     image_p999: float
     samples: int
     saturated_share: float
+
+    @classmethod
+    def from_json(cls, content: object) -> Certificate:
+        """A certificate out of JSON, where a number that there is not is null.
+
+        Raises:
+            RangeError: other keys, or what is no number.
+        """
+        names = [field.name for field in dataclasses.fields(cls)]
+        if not isinstance(content, dict) or set(content) != set(names):
+            raise RangeError(f"certificate {str(content)[:60]!r}; allowed: {', '.join(names)}")
+        for name, value in content.items():
+            if value is not None and (isinstance(value, bool) or not isinstance(value, int | float)):
+                raise RangeError(f"{name!r} of a certificate is {str(value)[:60]!r}; allowed: a number, or null")
+        return cls(**{name: float("nan") if value is None else value for name, value in content.items()})
 
     def meets(self, noise_ratio: float) -> bool:
         """Whether the 99.9th percentile over the edges of markers is within the bound that was asked."""
@@ -193,10 +165,11 @@ class Renderer:
             for scene in self._over_exposure(camera, sensor.exposure_ms * 1e-3)
         ]
         sampler = motion.over_shutter(samplers) if len(samplers) > 1 else samplers[0]
-        rng = random_stream(0, request.key, "render")
+        rng = random_stream(0, request.content, "render")
         image = sample_image(sampler, camera.resolution, noise, request.sampling, rng, saturates)
         depth, normal, marker = self._first_hits(camera, mitsuba_sensor)
         electrons = image.mean * electrons_per_radiance
+        capture_rng = random_stream(0, request.content, "sample capture")
         return RenderedView(
             request.key,
             camera,
@@ -205,7 +178,7 @@ class Renderer:
             depth,
             normal,
             marker,
-            capture(electrons, sensor, random_stream(0, request.key, "sample capture"), fixed_pattern(camera, sensor)),
+            capture(electrons, sensor, capture_rng, fixed_pattern(camera, sensor)),
             certify(image, noise, marker, saturated_share(electrons[marker >= 0], sensor), saturates(image.mean)),
         )
 

@@ -14,7 +14,8 @@ import pytest
 import render.exr
 from pss import PSSError
 from render.exr import CHANNELS, ImageFileError, read_certificate, read_view, write_view
-from render.view import RENDER_VERSION, RenderedView, ViewRequest
+from render.keys import view_code
+from render.view import RenderedView, ViewRequest
 from tests.views import AWKWARD_RESOLUTION, an_awkward_view
 
 WIDTH, HEIGHT = AWKWARD_RESOLUTION
@@ -167,7 +168,7 @@ def test_header_says_what_the_view_is(path, request_and_view):
     assert attribute("sampling") == dataclasses.asdict(request.sampling)
     assert attribute("seed") == {"run_seed": 0, "streams": ["render", "sample capture"], "trial": 0}
     versions = attribute("versions")
-    assert versions["render"] == RENDER_VERSION
+    assert versions["render"] == view_code().digest
     assert versions["renderer"] == request.renderer
     assert {"mitsuba", "drjit", "OpenImageIO", "numpy"} <= set(versions)
     assert spec.get_string_attribute("pss:key") == request.key

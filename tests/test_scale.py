@@ -22,8 +22,9 @@ from rich.console import Console
 import validate.scale.workers as dask_workers
 from pss import MissingLibraryError, PSSError, RangeError
 from render import backend
+from render.keys import light_key, state_key
 from render.sampling import Sampling
-from render.view import Certificate, state_key
+from render.view import Certificate
 from scenes import load_scene
 from tests.test_store_views import MARKER, REQUEST
 from tests.test_sweep_run import ALONE, DETERMINED, SCENE, SELECTION, SWEEP, command, run
@@ -155,7 +156,7 @@ def test_any_number_of_workers_makes_every_view_once_and_every_light_before_its_
 def test_stored_light_is_not_solved_again(tmp_path):
     wanted = some_views(states=2)
     store = Store(tmp_path)
-    store.save(store.light(state_key(wanted[0].request.state)), {"x": np.zeros(1)})
+    store.save(store.light(light_key(wanted[0].request.state)), {"x": np.zeros(1)})
     _, _, workers = handed_out(wanted, 2, well, tmp_path)
     assert [job.state for job in workers.jobs if job.camera is None] == [state_key(wanted[-1].request.state)]
 
@@ -390,7 +391,7 @@ def test_two_workers_measure_what_one_process_does(tmp_path):
     scene = load_scene(tmp_path / "closet.toml")
     chosen = backend.choose()
     wanted = views_of(scene, scene.cameras[:2], Sampling(noise_ratio=0.6), chosen.identity, 3, 2)
-    light = Store(tmp_path / "one").light(state_key(scene.state))
+    light = Store(tmp_path / "one").light(light_key(scene.state))
     baked(scene.state, Store(tmp_path / "one"), chosen)
     Store(tmp_path / "two").save(
         tmp_path / "two" / light.relative_to(tmp_path / "one"), Store(tmp_path / "one").load(light)

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from pss import RangeError
+from validate.measure import measure_code
 from validate.run_sweep import main
 from validate.store import Store, StoreError
+from validate.store_codes import codes_here
 from validate.store_command import main as store_main
 from validate.store_upkeep import bytes_of, prune_list, seconds_of, stored_files
 from validate.sums import sum_path
@@ -41,15 +43,73 @@ def age(path, seconds):
     os.utime(path, (time.time() - seconds,) * 2)
 
 
-def test_list_counts_by_kind_and_version(store, capsys):
+def test_list_counts_by_kind_and_code(store, capsys):
     """Files, bytes with their sums, oldest and newest; temporary files are none."""
     assert main(["store", "--store", str(store.folder), "list"]) == 0
     lines = [line.split() for line in capsys.readouterr().out.splitlines()]
     light = [store.light("old"), store.light("new")]
     size = sum(path.stat().st_size + sum_path(path).stat().st_size for path in light)
-    assert lines[1][:5] == ["light", "test", "1", "2", f"{size:,}"]
-    assert lines[2][:4] == ["measurements", "test", "1", "2"]
+    assert lines[1][:7] == ["light", "other", "code", "test", "1", "2", f"{size:,}"]
+    assert lines[2][:6] == ["measurements", "other", "code", "test", "1", "2"]
     assert lines[3][:2] == ["all", "4"]
+    assert " ".join(lines[4]).startswith("other code or libraries made 4 files, ")
+
+
+def files_of_two_codes(folder):
+    """A store of last month: of each kind a file that this code made, and one of other code."""
+    store, here = Store(folder), codes_here()
+    view, other_view = 16 * "a" + here.views, 16 * "a" + 8 * "0"
+    measured = measure_code().digest
+    mine = [
+        (store.view(view), here.views),
+        (store.light(f"abc-{here.light}-x86_64_v3"), here.light),
+        (store.measurement(view, "d", 1, 2), measured),
+        (store.folder / "pixel-noise" / "aa" / f"{view}.npz", here.views),
+    ]
+    other = [
+        (store.view(other_view), 8 * "0"),
+        (store.light(f"abc-{8 * '0'}"), 8 * "0"),
+        (store.light("abc"), "render 6"),
+        # Of a view that this code names otherwise, and of another way to measure.
+        (store.measurement(other_view, "d", 1, 2), measured),
+        (store.measurement(view, "d", 2, 2), "registration-6"),
+        (store.folder / "pixel-noise" / "aa" / f"{other_view}.npz", 8 * "0"),
+    ]
+    for path, version in mine + other:
+        store.save(path, {"x": np.arange(10)}, version)
+        age(path, 30 * DAY_S)
+    return store, [path for path, _ in mine], [path for path, _ in other]
+
+
+def test_what_other_code_made_is_reported_and_pruned(tmp_path, capsys):
+    """And nothing else, of any kind."""
+    store, mine, other = files_of_two_codes(tmp_path / "store")
+    assert main(["store", "list", "--store", str(store.folder)]) == 0
+    said = capsys.readouterr().out
+    assert "other code or libraries made 6 files, " in said
+    assert sum("this code" in line for line in said.splitlines()) == 4
+    assert main(["store", "prune", "--store", str(store.folder), "--stale", "--yes"]) == 0
+    assert {stored.path for stored in stored_files(store.folder)} == set(mine)
+    assert not any(path.exists() for path in other)
+    assert main(["store", "list", "--store", str(store.folder)]) == 0
+    assert "other code" not in capsys.readouterr().out
+
+
+def test_code_prints_what_names_cover(capsys):
+    """Each kind of file with its digest, libraries and modules."""
+    assert main(["store", "code"]) == 0
+    said = capsys.readouterr().out
+    assert f"views: code {codes_here().views}\n" in said
+    assert "  validate.localise\n" in said
+    assert f"numpy {np.__version__}" in said
+
+
+def test_stale_files_of_the_last_hour_stay(tmp_path):
+    """Another installation may be at work in the same store."""
+    store, _, other = files_of_two_codes(tmp_path / "store")
+    age(other[0], 0)
+    assert main(["store", "prune", "--store", str(store.folder), "--stale", "--yes"]) == 0
+    assert [path for path in other if path.exists()] == other[:1]
 
 
 def test_verify_checks_all_and_sets_damaged_ones_aside(store, capsys, caplog):

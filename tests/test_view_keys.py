@@ -13,9 +13,12 @@ from hypothesis import strategies as st
 
 from pss import Box, ImageSensor, PTZCamera, Rectangle, Sphere
 from pss.surrogates import Mesh
+from render.code_digest import Code
+from render.keys import light_key, random_stream, state_key
+from render.markers import pattern
 from render.sampling import Sampling
 from render.state import Light, Marker, MarkerPrint, Motion, Panel, Room, SceneObject, SceneState
-from render.view import ViewRequest, random_stream, state_key
+from render.view import ViewRequest
 
 MARKER = Marker(5, "board", (0.0, -1.0, 1.3), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), 0.02)
 OBJECTS = (
@@ -170,11 +173,23 @@ def test_the_key_does_not_know_the_cameras_name():
     assert renamed.key == REQUEST.key
 
 
-def test_a_renderer_of_another_model_version_has_other_keys(monkeypatch):
-    """Views of older code are not taken for today's."""
-    monkeypatch.setattr("render.view.RENDER_VERSION", -1)
-    assert dataclasses.replace(REQUEST).key != REQUEST.key
-    assert state_key(STATE) != REQUEST.key
+def test_other_code_renders_views_of_other_names(monkeypatch):
+    """Views and light of older code are not taken for today's; their random numbers stay."""
+    before, light = REQUEST.key, light_key(STATE)
+    monkeypatch.setattr("render.keys.view_code", lambda: Code((), (), 8 * "0"))
+    assert dataclasses.replace(REQUEST).key == before[:16] + 8 * "0" != before
+    assert dataclasses.replace(REQUEST).content == REQUEST.content
+    monkeypatch.setattr("render.keys.light_code", lambda: Code((), (), 8 * "1"))
+    assert light_key(STATE) != light
+
+
+def test_the_key_changes_with_the_bits_of_the_markers(monkeypatch):
+    """A library that prints other modules under a dictionary's name makes other images."""
+    before = dataclasses.replace(REQUEST).key
+    state_key.cache_clear()
+    monkeypatch.setattr("render.keys.pattern", lambda dictionary, marker_id: ~pattern(dictionary, marker_id))
+    assert dataclasses.replace(REQUEST).key != before
+    state_key.cache_clear()
 
 
 def test_equal_numbers_from_numpy_give_the_same_key():

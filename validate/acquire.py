@@ -15,9 +15,10 @@ from typing import TypeVar
 import numpy as np
 
 from render import backend, glow
+from render.keys import light_code, light_key, state_key
 from render.light import solve_light
 from render.state import SceneState
-from render.view import RENDER_VERSION, Renderer, light_key, state_key
+from render.view import Renderer
 from validate.acquisition import Acquired, Acquisition, LightError, by_state, said, views_of
 from validate.interruption import raise_if_interrupted
 from validate.measure import load_measurement, measure
@@ -35,8 +36,6 @@ T = TypeVar("T")
 
 # Rendered views that wait to be measured; more would only fill memory.
 MOST_WAITING = 4
-# What made stored light, for `run_sweep.py store list`.
-LIGHT = f"render {RENDER_VERSION}"
 
 
 def acquire(
@@ -264,7 +263,7 @@ def baked(
         meshes = glow.bake(state, solve_light(state, backend.start(chosen) if chosen else None))
         took_s = time.perf_counter() - begin
         arrays = {name: np.asarray(value) for name, value in vars(meshes).items()}
-        store.save(path, arrays, LIGHT, {"seconds": took_s})
+        store.save(path, arrays, light_code().digest, {"seconds": took_s})
         solved(state_key(state), took_s)
         return meshes
     return glow.GlowMeshes(**arrays)

@@ -6,47 +6,45 @@ the markers' numbers, and nothing of where they are.
 
 from __future__ import annotations
 
-import os
-import signal
+import hashlib
 import time
-from collections.abc import Callable
-from concurrent.futures import Future, ProcessPoolExecutor
-from dataclasses import dataclass
-from multiprocessing import get_context, resource_tracker
+from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
-from typing import TypeVar
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from pss import ImageSensor
+from render.code_digest import Code, code_of
+from render.keys import content_of, random_stream
+from render.markers import predefined_dictionary
 from render.sensor import capture, fixed_pattern
-from render.view import random_stream
 from validate.detect import SEARCHES, Search, find_markers
-from validate.interruption import interrupts_held
 from validate.localise import localise
-from validate.store import Store, discard_unfinished
+from validate.store import Store
 from validate.stored_views import stored_view
 
 __all__ = [
-    "DETECTOR",
+    "APART",
     "MeasureTask",
     "ViewMeasurement",
-    "WorkerPool",
-    "end_worker",
     "load_measurement",
     "measure",
     "measure_capture",
+    "measure_code",
 ]
 
 Floats = NDArray[np.float64]
-T = TypeVar("T")
 
-# s, for a worker to end after it was told to; what it holds up is only the prompt.
-SECONDS_TO_STOP = 5.0
-# Named in the store's hash: raised whenever detection or localisation change.
-DETECTOR = "registration-6"
+APART = {
+    "render.backend": "chooses the renderer, which the view's name holds",
+    "render.code_digest": "makes names; what it finds is the name",
+    "validate.store": "keeps what is measured, and checks that it is what was written",
+    "validate.stored_views": "reads views, whose code their own names hold",
+    "pss.surrogates._mesh_files": "reads a mesh from its file, and the view's name holds the mesh itself",
+}
+"""Modules that the code of a measurement does not count, with the reason."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,9 +69,22 @@ class ViewMeasurement:
         return np.isfinite(self.pixels[..., 0])
 
 
+def measure_code() -> Code:
+    """The code that takes captures of a view, and finds and localises the markers in them."""
+    return code_of("validate.measure", apart=tuple(APART))
+
+
+@cache
+def _words_of(dictionary: str) -> str:
+    """Hash of all markers of a dictionary: how many errors are mended, and which unknown numbers are found."""
+    known = predefined_dictionary(dictionary)
+    content = f"{known.markerSize} {known.maxCorrectionBits} {known.bytesList.shape} ".encode()
+    return hashlib.sha256(content + known.bytesList.tobytes()).hexdigest()[:16]
+
+
 @dataclass(frozen=True)
 class MeasureTask:
-    """What a worker needs to measure a view."""
+    """What a worker needs to measure a view; `code` is the digest of the code that measures."""
 
     store: Path
     view_key: str
@@ -82,13 +93,12 @@ class MeasureTask:
     seed: int
     trials: int
     search: str = "plain"
+    code: str = field(default_factory=lambda: measure_code().digest)
 
     @property
     def path(self) -> Path:
         """Where the measurement is stored."""
-        detector = f"{DETECTOR}/{self.dictionary}/{','.join(map(str, self.marker_ids))}"
-        if self.search != "plain":
-            detector += f"/{SEARCHES[self.search]}"
+        detector = f"{self.code}/{self.search}/{_words_of(self.dictionary)}/{','.join(map(str, self.marker_ids))}"
         return Store(self.store).measurement(self.view_key, detector, self.seed, self.trials)
 
 
@@ -129,7 +139,7 @@ def measure(task: MeasureTask) -> Path:
     pattern = fixed_pattern(view.camera, view.sensor)
     trials = []
     for trial in range(task.trials):
-        rng = random_stream(task.seed, task.view_key, "capture", trial)
+        rng = random_stream(task.seed, content_of(task.view_key), "capture", trial)
         numbers = capture(electrons, view.sensor, rng, pattern)
         trials.append(measure_capture(numbers, task.dictionary, task.marker_ids, view.sensor, SEARCHES[task.search]))
     pixels, covariances, strangers = zip(*trials, strict=True)
@@ -142,7 +152,7 @@ def measure(task: MeasureTask) -> Path:
             "strangers": np.array(sum(strangers)),
             "seconds": np.array(seconds),
         },
-        DETECTOR,
+        task.code,
         {"seconds": seconds, "trials": task.trials, "pixels": int(electrons.size)},
     )
     return task.path
@@ -159,44 +169,3 @@ def load_measurement(task: MeasureTask) -> ViewMeasurement | None:
         int(arrays["strangers"]),
         float(arrays["seconds"]),
     )
-
-
-class WorkerPool(ProcessPoolExecutor):
-    """Processes that measure. Ctrl-C, which reaches the whole group, is the parent's business alone."""
-
-    def __init__(self, workers: int) -> None:
-        # One view a core: libraries that start threads of their own only get in each other's way.
-        for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-            os.environ.setdefault(name, "1")
-        # "spawn", because a fork of a process with Dr.Jit's threads hangs.
-        super().__init__(workers, mp_context=get_context("spawn"), initializer=_start_worker)
-        # Started while Ctrl-C is held back, it would let it through again, to the worker that it is started for.
-        resource_tracker.ensure_running()
-
-    def submit(self, function: Callable[..., T], /, *args: object, **kwargs: object) -> Future[T]:
-        """Submit a call. A worker started for it inherits the blocked interrupt, so that not even its start is cut."""
-        with interrupts_held():
-            return super().submit(function, *args, **kwargs)
-
-    def stop(self) -> None:
-        """Stop at once, busy workers too; no half-written file stays."""
-        # No public way to reach the workers before Python 3.14.
-        workers = list((self._processes or {}).values())
-        self.shutdown(wait=False, cancel_futures=True)
-        for worker in workers:
-            worker.terminate()
-        for worker in workers:
-            worker.join(SECONDS_TO_STOP)
-
-
-def _start_worker() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # where no mask was inherited
-    signal.signal(signal.SIGTERM, end_worker)
-    cv2.setNumThreads(1)
-
-
-def end_worker(_signal: int, _frame: object) -> None:
-    """End this process at once, without a half-written file: what a worker does if it is told to stop."""
-    # Not by an exception: the pool would catch it as the task's and go on with the next.
-    discard_unfinished()
-    os._exit(128 + signal.SIGTERM)

@@ -13,6 +13,9 @@ from typing import Annotated
 
 import tyro
 
+from render.keys import light_code, view_code
+from validate.measure import measure_code
+from validate.pixel_noise.measure import pixel_noise_code
 from validate.program import program_name
 from validate.remote_store import open_store
 from validate.store import DAMAGED, Store, StoreError
@@ -37,19 +40,23 @@ SECONDS_BETWEEN_LINES = 10.0
 
 
 def list_(store: StoreOption = DEFAULT) -> int:
-    """Say how many files and bytes there are of each kind and version, and how old they are.
+    """Report how many files and bytes there are of each kind and code that made them, and how old they are.
 
     Args:
         store: folder of rendered views and measurements; of an address, what is on this machine is listed.
     """
     files = list(stored_files(_folder(store).folder))
-    groups: dict[tuple[str, str], list[Stored]] = defaultdict(list)
+    groups: dict[tuple[str, bool, str], list[Stored]] = defaultdict(list)
     for stored in files:
-        groups[stored.kind, stored.version].append(stored)
-    print(f"{'kind':<14}{'version':<18}{'files':>7}{'bytes':>16}  {'oldest':<17}newest")
-    for (kind, version), members in sorted(groups.items()):
-        print(f"{kind:<14}{version or '-':<18}{_counts(members)}")
-    print(f"{'all':<32}{_counts(files)}" if files else "nothing is stored")
+        groups[stored.kind, stored.stale, stored.version].append(stored)
+    print(f"{'kind':<14}{'made by':<28}{'files':>7}{'bytes':>16}  {'oldest':<17}newest")
+    for (kind, stale, version), members in sorted(groups.items()):
+        code = "" if kind == DAMAGED else "other code" if stale else "this code"
+        print(f"{kind:<14}{f'{code} {version}'.strip() or '-':<28}{_counts(members)}")
+    print(f"{'all':<42}{_counts(files)}" if files else "nothing is stored")
+    if old := [stored for stored in files if stored.stale]:
+        size = sum(stored.size_bytes for stored in old)
+        print(f"other code or libraries made {len(old)} files, {size:,} bytes; store prune --stale lists them")
     return 0
 
 
@@ -84,6 +91,7 @@ def prune(
     older_than: Annotated[str | None, tyro.conf.arg(metavar="AGE")] = None,
     keep_below: Annotated[str | None, tyro.conf.arg(metavar="SIZE")] = None,
     unused_by: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="RUN")] = (),
+    stale: bool = False,
     yes: bool = False,
 ) -> int:
     """Say what would be removed, or remove it with --yes. What is younger than an hour always stays.
@@ -95,6 +103,7 @@ def prune(
         older_than: age, such as 30d or 12h.
         keep_below: size of all that stays, such as 20GB; the oldest goes first.
         unused_by: folders that runs left: views and measurements that none of them uses.
+        stale: what other code or other versions of libraries made, so that no run of this installation uses it.
         yes: remove it.
     """
     folder, now = _folder(store).folder, time.time()
@@ -104,6 +113,7 @@ def prune(
         None if older_than is None else seconds_of(older_than, "--older-than"),
         None if keep_below is None else bytes_of(keep_below, "--keep-below"),
         used_views(unused_by) if unused_by else None,
+        stale,
     )
     abandoned = leftovers(folder, now)
     paths = [stored.path for stored in files] + abandoned
@@ -115,6 +125,17 @@ def prune(
         print(f"{count} files removed, {size:,} bytes")
     else:
         print(f"{len(paths)} files would be removed, {size:,} bytes; --yes removes them")
+    return 0
+
+
+def code() -> int:
+    """Print which modules and libraries the names of stored files cover; a change in one of them makes new files."""
+    kinds = {"views": view_code, "light": light_code, "measurements": measure_code, "pixel-noise": pixel_noise_code}
+    for kind, of in kinds.items():
+        found = of()
+        print(f"{kind}: code {found.digest}")
+        print("  libraries: " + ", ".join(f"{name} {version}" for name, version in found.libraries))
+        print("\n".join(f"  {name}" for name in found.modules))
     return 0
 
 
@@ -142,5 +163,5 @@ def main(arguments: list[str]) -> int:
     """Parse the subcommand's own arguments and run it; --store may come before its name as well."""
     if arguments[:1] == ["--store"]:
         arguments = [*arguments[2:3], *arguments[:2], *arguments[3:]]
-    commands = {"list": list_, "verify": verify, "prune": prune}
+    commands = {"list": list_, "verify": verify, "prune": prune, "code": code}
     return int(tyro.extras.subcommand_cli_from_dict(commands, prog=f"{program_name()} store", args=arguments))

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from pss import RangeError
 from validate.store import DAMAGED, Store, StoreError
+from validate.store_codes import codes_here
 from validate.stored_views import adopt_view
 from validate.sums import SUFFIX, read_sums, sum_path
 
@@ -41,7 +42,8 @@ class Stored:
         kind: the folder in the store that it lies in: views, light, measurements, pixel-noise or damaged.
         size_bytes: of the file, with its sum.
         changed_s: s since 1970 of its last change.
-        version: of what made it, by its sum; "" where that is not known.
+        version: digest of the code that made it, by its sum; "" where that is not known.
+        stale: whether other code made it than this installation's, so that no run of this code asks for it.
     """
 
     path: Path
@@ -49,11 +51,12 @@ class Stored:
     size_bytes: int
     changed_s: float
     version: str
+    stale: bool = False
 
 
 def stored_files(folder: Path) -> Iterator[Stored]:
     """All files of a store, oldest first; sums and temporary files are none."""
-    found = []
+    found, codes = [], codes_here()
     for path in folder.glob("*/**/*"):
         kind = path.relative_to(folder).parts[0]
         is_sum = path.suffix == SUFFIX and kind != DAMAGED
@@ -63,7 +66,8 @@ def stored_files(folder: Path) -> Iterator[Stored]:
         size = path.stat().st_size + (beside.stat().st_size if beside.exists() else 0)
         sums = None if kind == DAMAGED else read_sums(path)
         version = str(sums[-1].facts.get("version", "")) if sums else ""
-        found.append(Stored(path, kind, size, path.stat().st_mtime, version))
+        stale = not codes.can_use(kind, path.name, version)
+        found.append(Stored(path, kind, size, path.stat().st_mtime, version, stale))
     yield from sorted(found, key=lambda stored: (stored.changed_s, stored.path))
 
 
@@ -98,6 +102,7 @@ def prune_list(
     older_than_s: float | None = None,
     keep_below_bytes: float | None = None,
     used: frozenset[str] | None = None,
+    stale: bool = False,
 ) -> list[Stored]:
     """What would go: what meets every wish that is given, and of that, for a size to keep, the oldest first.
 
@@ -107,14 +112,17 @@ def prune_list(
         older_than_s: s, the age that is old enough.
         keep_below_bytes: of the whole store, when it is done.
         used: names of views that are to stay, with their measurements; light stays as well, which is no view's.
+        stale: what other code made.
 
     Raises:
         RangeError: no wish is given.
     """
-    if older_than_s is None and keep_below_bytes is None and used is None:
-        raise RangeError("nothing to go by; allowed: --older-than 30d, --keep-below 20GB, --unused-by results/RUN")
+    if older_than_s is None and keep_below_bytes is None and used is None and not stale:
+        raise RangeError(
+            "nothing to go by; allowed: --stale, --older-than 30d, --keep-below 20GB, --unused-by results/RUN"
+        )
     least_s = max(UNTOUCHED_S, older_than_s or 0.0)
-    chosen = [stored for stored in files if now_s - stored.changed_s > least_s]
+    chosen = [stored for stored in files if now_s - stored.changed_s > least_s and (stored.stale or not stale)]
     if used is not None:
         # A measurement's name begins with its view's; what is damaged is used by nobody.
         chosen = [

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from render.exr import ImageFileError, ViewPlanes, read_planes, read_view, write_view
-from render.view import RENDER_VERSION, Certificate, RenderedView, ViewRequest
+from render.keys import view_code
+from render.view import Certificate, RenderedView, ViewRequest
 from validate.store import Store, StoreError
 from validate.whole_files import disk_full, free_bytes
 
@@ -121,7 +122,7 @@ def certificate_of(store: Store, request: ViewRequest) -> Certificate | None:
     path = store.view(request.key)
     facts = store.facts(path)
     if facts is not None and "certificate" in facts:
-        return Certificate(**facts["certificate"])
+        return Certificate.from_json(facts["certificate"])
 
     def read(path: Path) -> RenderedView:
         # An older file: what it says of itself has to be what was asked for.
@@ -135,4 +136,4 @@ def certificate_of(store: Store, request: ViewRequest) -> Certificate | None:
 
 
 def _facts(view: RenderedView) -> dict[str, Any]:
-    return {"version": f"render {RENDER_VERSION}", "certificate": dataclasses.asdict(view.certificate)}
+    return {"version": view_code().digest, "certificate": dataclasses.asdict(view.certificate)}

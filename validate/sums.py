@@ -24,6 +24,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from pss.json_text import json_text
 from validate.whole_files import flush
 
 __all__ = ["SUFFIX", "FileSum", "add_sum", "read_sums", "sum_of", "sum_path"]
@@ -47,7 +48,7 @@ class FileSum:
 
     def to_line(self) -> str:
         """One line of text, which `from_line` reads."""
-        content = json.dumps(
+        content = json_text(
             {"bytes": self.size_bytes, "sha256": self.sha256, "changed_ns": self.changed_ns, "facts": self.facts}
         )
         return f"{content} {_line_checksum(content)}"

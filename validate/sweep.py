@@ -108,7 +108,7 @@ def assess_sweep(plan: Plan, acquired: Acquired) -> SweepResult:
             continue
         measurements = _measurements(wanted, acquired)
         # The filter's random numbers belong to the configuration, whatever sweep or order it is met in.
-        keys = "+".join(w.request.key for w in wanted)
+        keys = "+".join(w.request.content for w in wanted)
         rng = random_stream(plan.sweep.seed, keys, "filter")
         appearance = acquired.appearances.get(state_key(configuration.scene.state))
         kept.append(configuration)

@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib.metadata
 import platform
-from functools import cache
-from pathlib import Path
 
-__all__ = ["code_digest", "versions"]
-
-ROOT = Path(__file__).resolve().parents[1]
-PACKAGES = ("pss", "render", "scenes", "validate")
+__all__ = ["versions"]
 
 
 def versions() -> dict[str, str]:
@@ -25,14 +19,3 @@ def _version(package: str) -> str:
         return importlib.metadata.version(package)
     except importlib.metadata.PackageNotFoundError:
         return "not installed"
-
-
-@cache
-def code_digest() -> str:
-    """Stands for this project's own code: the same for the same modules, wherever they lie."""
-    content = hashlib.sha256()
-    for package in PACKAGES:
-        for path in sorted((ROOT / package).rglob("*.py")):
-            content.update(f"{path.relative_to(ROOT).as_posix()}\n".encode())
-            content.update(path.read_bytes().replace(b"\r\n", b"\n"))
-    return content.hexdigest()[:12]

@@ -68,7 +68,7 @@ def own_cameras(
                 inverse[contender.name, "single frame"][step, markers] = np.nan_to_num(1 / said.single_frame_sigma_m)
             wanted = [design.views[run][step][c] for c in mine]
             rng = random_stream(
-                design.schedule.said.seed, "+".join(item.request.key for item in wanted), "filter of own cameras"
+                design.schedule.said.seed, "+".join(item.request.content for item in wanted), "filter of own cameras"
             )
             found = measure_configuration(scene, cameras, [acquired.measured[item] for item in wanted], rng)
             together[:, markers] = found.errors.errors_m[:, markers]

@@ -130,7 +130,7 @@ def _assess_step(design: Design, step: int, acquired: Acquired, calibration: Cal
     found = {}
     for number, views in enumerate(different):
         measurements = [acquired.measured[item] for item in views]
-        keys = "+".join(item.request.key for item in views)
+        keys = "+".join(item.request.content for item in views)
         rng = random_stream(design.schedule.said.seed, keys, "filter")
         measured = measure_configuration(scene, cameras[number], measurements, rng)
         rates = np.array([view.detected.mean(axis=0) for view in measurements])

@@ -15,24 +15,31 @@ from numpy.typing import NDArray
 
 from pss import ImageSensor
 from render import backend
+from render.code_digest import Code, code_of
+from render.keys import content_of, random_stream, view_code
 from render.sensor import FixedPattern, capture, expected_electrons, fixed_pattern
-from render.view import RENDER_VERSION, Renderer, random_stream
-from validate.measure import DETECTOR, measure_capture
+from render.view import Renderer
+from validate.measure import APART as MEASURE_APART
+from validate.measure import measure_capture
 from validate.pixel_noise.design import Plan, Shot
 from validate.pixel_noise.laboratory import DICTIONARY, Setup
 from validate.progress import ViewProgress
 from validate.store import Store
 from validate.worker_queue import WorkerQueue
 
-__all__ = ["Measured", "measure_all"]
+__all__ = ["APART", "Measured", "measure_all", "pixel_noise_code"]
 
 Floats = NDArray[np.float64]
 Arrays = dict[str, NDArray[np.generic]]
 
 # Rendered views that wait to be measured; more would only fill memory.
 MOST_WAITING = 8
-# Named in the store's hash: raised whenever this file changes what is stored.
-VERSION = 3
+APART = MEASURE_APART | {
+    "validate.pixel_noise.design": "chooses what is measured, which the names of views hold",
+    "validate.progress": "counts for people",
+    "validate.worker_queue": "has calls made in other processes",
+}
+"""Modules that the code of these measurements does not count, with the reason."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +80,7 @@ def find_centres(task: Task, electrons: NDArray[np.float32], pattern: FixedPatte
     name = f"pixel noise {task.sensor.exposure_ms!r}"
     trials = []
     for trial in range(task.trials):
-        numbers = capture(electrons, task.sensor, random_stream(task.seed, task.key, name, trial), pattern)
+        numbers = capture(electrons, task.sensor, random_stream(task.seed, content_of(task.key), name, trial), pattern)
         trials.append(measure_capture(numbers, DICTIONARY, (task.marker_id,), task.sensor))
     pixels, covariances, strangers = zip(*trials, strict=True)
     return {
@@ -104,8 +111,13 @@ def measure_all(
     return [_measured(shot, loaded[path]) for shot, path in zip(plan.shots, paths, strict=True)]
 
 
+def pixel_noise_code() -> Code:
+    """The code that finds markers in the captures of the laboratory, and bounds how well that can be done."""
+    return code_of("validate.pixel_noise.measure", apart=tuple(APART))
+
+
 def _path(store: Store, key: str, shot: Shot, seed: int, trials: int) -> Path:
-    detector = f"{DETECTOR}/pixel-noise-{VERSION}/{shot.setup.sensor.exposure_ms!r}"
+    detector = f"pixel-noise/{pixel_noise_code().digest}/{shot.setup.sensor.exposure_ms!r}"
     return store.measurement(key, detector, seed, trials)
 
 
@@ -140,7 +152,7 @@ def _make(
         if found is None:
             assert error is not None
             raise error
-        store.save(path, found | {"render_noise_ratio": np.array(noise)}, DETECTOR)
+        store.save(path, found | {"render_noise_ratio": np.array(noise)}, pixel_noise_code().digest)
         progress.advance("measured")
 
     workers = max(1, os.cpu_count() or 1)
@@ -166,5 +178,5 @@ def _view(shot: Shot, key: str, store: Store, chosen: backend.Backend) -> Arrays
     if arrays is None:
         view = Renderer(shot.setup.state, shot.setup.baked(), chosen).render(shot.request(chosen.identity))
         arrays = {"radiance": view.radiance, "render_noise_ratio": np.array(view.certificate.edge_rms)}
-        store.save(path, arrays, f"render {RENDER_VERSION}")
+        store.save(path, arrays, view_code().digest)
     return arrays

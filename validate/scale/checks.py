@@ -12,10 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from render import backend
+from render.code_digest import code_of
 from validate.remote_store import RemoteStore, open_store
 from validate.scale.workers import ScaleError, Workers
 from validate.store import Store, StoreError, write_text
-from validate.versions import code_digest, versions
+from validate.versions import versions
 
 __all__ = ["WorkerReport", "check_workers", "misfit", "report", "store_name"]
 
@@ -29,6 +30,11 @@ class WorkerReport:
     renderer: str
     code: str
     versions: dict[str, str]
+
+
+def worker_code() -> str:
+    """Digest of the code that workers run."""
+    return code_of("validate.scale.work").digest
 
 
 def store_name(store: Store) -> str:
@@ -56,7 +62,7 @@ def check_workers(workers: Workers, store: Store, chosen: backend.Backend) -> No
         raise ScaleError(_without_project("a worker", error)) from error
     finally:
         _remove(store, small)
-    own = WorkerReport(content, True, chosen.identity, code_digest(), versions())
+    own = WorkerReport(content, True, chosen.identity, worker_code(), versions())
     for address, answer in sorted(found.items()):
         if why := misfit(address, answer, own, store_name(store)):
             raise ScaleError(why)
@@ -76,7 +82,7 @@ def report(store: str, small: str, variant: str) -> WorkerReport:
         renderer = backend.choose(variant).identity
     except ImportError as error:
         renderer = f"none ({error})"
-    return WorkerReport(read, opened.writable, renderer, code_digest(), versions())
+    return WorkerReport(read, opened.writable, renderer, worker_code(), versions())
 
 
 def misfit(address: str, answer: WorkerReport | BaseException, own: WorkerReport, store: str) -> str:

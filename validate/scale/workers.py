@@ -28,10 +28,10 @@ from distributed import CancelledError, Client, Future, KilledWorker, LocalClust
 
 from pss import PSSError
 from validate.interruption import interrupts_held, raise_if_interrupted
-from validate.measure import end_worker
 from validate.scale.call import call
 from validate.scale.options import Scale
 from validate.scale.work import Job, Made
+from validate.worker_pool import end_worker
 
 __all__ = ["ScaleError", "WorkerGoneError", "Workers", "workers_of"]
 

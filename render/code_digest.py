@@ -1,0 +1,235 @@
+"""Digests of the code that makes a result: part of the result's name, so that what other code made is never used.
+
+A digest covers the modules that an entry module reaches by its imports within this project: a helper module that is new
+today counts from today on, and no version has to be raised by hand. A package that only passes names on (`from pss
+import PTZCamera`) leads to the modules that define them and to no others. Imports for type checking alone are skipped.
+
+What counts of a module is its syntax tree without docstrings, in a form that all versions of Python share: comments,
+docstrings and layout change nothing. The versions of the libraries that these modules import count as well.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import importlib.metadata
+import sys
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+__all__ = ["DIGITS", "Code", "code_of", "installed_version"]
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = ("pss", "render", "scenes", "validate")
+# Hexadecimal digits of a digest: among a thousand versions of the code, two share one with probability 1e-4.
+DIGITS = 8
+# The distributions that bring a library, where they have other names than it; the first that is installed counts.
+DISTRIBUTIONS = {
+    "cv2": (
+        "opencv-contrib-python-headless",
+        "opencv-contrib-python",
+        "opencv-python-headless",
+        "opencv-python",
+    )
+}
+# Fields of Python's syntax tree that do not change what the code does.
+WITHOUT_MEANING = {"ctx", "kind", "type_comment"}
+DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
+
+
+@dataclass(frozen=True)
+class Code:
+    """The code behind one kind of result.
+
+    Attributes:
+        modules: names of the project's modules, in alphabetical order.
+        libraries: (name, version) of each library that they import.
+        digest: `DIGITS` hexadecimal digits, of the modules' syntax and the libraries' versions.
+    """
+
+    modules: tuple[str, ...]
+    libraries: tuple[tuple[str, str], ...]
+    digest: str
+
+
+def code_of(*entries: str, apart: tuple[str, ...] = (), root: Path = ROOT) -> Code:
+    """The code that the modules `entries` and all that they import are; the source is read once a process.
+
+    Args:
+        entries: names of modules of the project.
+        apart: modules and libraries that do not count, nor what they alone import.
+        root: the folder that holds the project's packages.
+
+    Raises:
+        FileNotFoundError: an entry, or a module that is imported, has no source file.
+    """
+    reached = _reached(entries, apart, root)
+    libraries = tuple((name, installed_version(name)) for name in reached.libraries)
+    content = hashlib.sha256(f"{libraries}\n{reached.digest}".encode())
+    return Code(reached.modules, libraries, content.hexdigest()[:DIGITS])
+
+
+@cache
+def installed_version(library: str) -> str:
+    """Version of the distribution that brings a library, "none" where there is none; the library is not imported."""
+    for name in DISTRIBUTIONS.get(library, (library,)):
+        try:
+            return importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    return "none"
+
+
+# ---- which modules ---------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Reached:
+    modules: tuple[str, ...]
+    libraries: tuple[str, ...]
+    digest: str
+
+
+@cache
+def _reached(entries: tuple[str, ...], apart: tuple[str, ...], root: Path) -> _Reached:
+    sources = _Sources(root)
+    seen: set[str] = set()
+    libraries: set[str] = set()
+    waiting = list(entries)
+    while waiting:
+        name = waiting.pop()
+        if name in seen or name in apart:
+            continue
+        top = name.partition(".")[0]
+        if top not in PACKAGES:
+            if top not in sys.stdlib_module_names and top not in apart:
+                libraries.add(top)
+            continue
+        seen.add(name)
+        parents = [name[:at] for at, character in enumerate(name) if character == "."]
+        waiting += [parent for parent in parents if not sources.module(parent).only_passes_on]
+        waiting += [sources.defined_in(*imported) for imported in sources.module(name).imports]
+    modules = tuple(sorted(seen))
+    content = hashlib.sha256()
+    for name in modules:
+        content.update(f"{name} {sources.module(name).digest}\n".encode())
+    return _Reached(modules, tuple(sorted(libraries)), content.hexdigest())
+
+
+class _Sources:
+    """The project's source files in a folder."""
+
+    def __init__(self, root: Path) -> None:
+        self._root = root
+        self._modules: dict[str, _Module] = {}
+
+    def module(self, name: str) -> _Module:
+        """What a module's or a package's source holds."""
+        if name not in self._modules:
+            folder = self._root.joinpath(*name.split("."))
+            path = folder / "__init__.py" if self._is_package(name) else folder.with_suffix(".py")
+            self._modules[name] = _parsed(path.read_bytes())
+        return self._modules[name]
+
+    def defined_in(self, module: str, name: str) -> str:
+        """The module that `from module import name` gets `name` from: a submodule, or where a package has it from."""
+        if not name or module.partition(".")[0] not in PACKAGES:
+            return module
+        if self._exists(f"{module}.{name}"):
+            return f"{module}.{name}"
+        passed_on = dict(self.module(module).passed_on) if self._is_package(module) else {}
+        return self.defined_in(*passed_on[name]) if name in passed_on else module
+
+    def _is_package(self, name: str) -> bool:
+        return (self._root.joinpath(*name.split(".")) / "__init__.py").is_file()
+
+    def _exists(self, name: str) -> bool:
+        return self._is_package(name) or self._root.joinpath(*name.split(".")).with_suffix(".py").is_file()
+
+
+# ---- one module ------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Module:
+    """What a source file holds: its digest, (module, name or "") of its imports, and the names that it passes on."""
+
+    digest: str
+    imports: tuple[tuple[str, str], ...]
+    passed_on: tuple[tuple[str, tuple[str, str]], ...]
+    only_passes_on: bool
+
+
+@cache
+def _parsed(source: bytes) -> _Module:
+    tree = ast.parse(source)
+    imports: list[tuple[str, str]] = []
+    parts: list[str] = []
+    _collect(tree, parts, imports)
+    passed_on = {
+        alias.asname or alias.name: (node.module or "", alias.name)
+        for node in tree.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    return _Module(
+        hashlib.sha256("\0".join(parts).encode()).hexdigest(),
+        tuple(dict.fromkeys(imports)),
+        tuple(passed_on.items()),
+        all(_passes_on(statement) for statement in tree.body),
+    )
+
+
+def _passes_on(statement: ast.stmt) -> bool:
+    """Whether a statement is an import, a docstring or `__all__`."""
+    if isinstance(statement, ast.Assign):
+        return [ast.unparse(target) for target in statement.targets] == ["__all__"]
+    return isinstance(statement, ast.Import | ast.ImportFrom) or (
+        isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant)
+    )
+
+
+def _collect(node: object, parts: list[str], imports: list[tuple[str, str]]) -> None:
+    """Add a part of a syntax tree to `parts`, and what it imports to `imports`.
+
+    Empty fields are left out, since versions of Python differ in which of them they have (`type_params`).
+    """
+    if isinstance(node, list):
+        parts.append("[")
+        for item in node:
+            _collect(item, parts, imports)
+        parts.append("]")
+    elif isinstance(node, ast.AST):
+        _note_imports(node, imports)
+        parts.append(type(node).__name__)
+        for name in node._fields:
+            value = getattr(node, name, None)
+            if name == "body" and isinstance(node, DOCUMENTED) and ast.get_docstring(node, clean=False) is not None:
+                value = value[1:]
+            if isinstance(node, ast.JoinedStr):
+                # Some versions of Python put empty texts between the values of an f-string.
+                value = [part for part in value if not (isinstance(part, ast.Constant) and part.value == "")]
+            if value is None or value == [] or name in WITHOUT_MEANING:
+                continue
+            parts.append(name)
+            if name == "body" and isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+                _collect(value, parts, [])
+            else:
+                _collect(value, parts, imports)
+        parts.append(")")
+    else:
+        parts.append(repr(node))
+
+
+def _note_imports(node: ast.AST, imports: list[tuple[str, str]]) -> None:
+    if isinstance(node, ast.Import):
+        imports.extend((alias.name, "") for alias in node.names)
+    elif isinstance(node, ast.ImportFrom):
+        if node.level:
+            raise ValueError(f"line {node.lineno} imports relatively; allowed: absolute imports")
+        imports.extend((node.module or "", alias.name) for alias in node.names)
+    elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name | ast.Attribute):
+        called = node.func.id if isinstance(node.func, ast.Name) else node.func.attr
+        if called in ("__import__", "import_module") and node.args and isinstance(node.args[0], ast.Constant):
+            imports.append((str(node.args[0].value), ""))
