@@ -10,12 +10,13 @@ the next one begins behind it on a line of its own.
 from __future__ import annotations
 
 import datetime
-import json
 import os
 import time
 import uuid
 from collections.abc import Callable
 from pathlib import Path
+
+from pss.json_text import json_text
 
 __all__ = ["EVENTS", "EventFile"]
 
@@ -55,7 +56,7 @@ class EventFile:
         }
         self._number += 1
         try:
-            self._add(json.dumps(content, ensure_ascii=False))
+            self._add(json_text(content, ensure_ascii=False))
         except OSError as error:
             if not self._warned:
                 self._warned = True

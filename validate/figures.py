@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
+from pss.json_text import json_text
 from validate.contact_sheet import contact_sheet
 from validate.drawing import plt
 from validate.file_names import FIGURES, figure_file
@@ -62,7 +62,7 @@ def source_of(folder: Path, results: Sequence[SweepResult]) -> str:
             digest.update(table.read_bytes())
     for result in results:
         said = [result.plan.sweep.resolved(), result.plan.scene.resolved()]
-        digest.update(json.dumps(said, sort_keys=True).encode())
+        digest.update(json_text(said, sort_keys=True).encode())
     for module in ("figures", "illustration", "projected", "names_beside", "stars", "contact_sheet"):
         digest.update((Path(__file__).parent / f"{module}.py").read_bytes())
     return digest.hexdigest()[:24]

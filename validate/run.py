@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pss import RangeError
+from pss.json_text import json_text
 from render import backend
 from render.sampling import Sampling
 from scenes import Scene, SceneError, SweepFile, known_sweeps, load_scene, load_sweep
@@ -264,7 +265,7 @@ def _write_run(
         "figures_drawn_from": drawn_from,
         "report_made_from": reported_from,
     }
-    write_text(options.folder / "run.json", json.dumps(content, indent=2) + "\n")
+    write_text(options.folder / "run.json", json_text(content, indent=2) + "\n")
 
 
 def _of_last_run(folder: Path) -> dict[str, object]:

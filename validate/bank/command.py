@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable
 from dataclasses import asdict
@@ -13,6 +12,7 @@ import numpy as np
 import tyro
 from rich.table import Table
 
+from pss.json_text import json_text
 from pss.noise import Calibration
 from render import backend
 from render.view import random_stream
@@ -182,7 +182,7 @@ def _judge_all(
         "tables": sorted(tables),
         "seconds": seconds,
     }
-    write_text(out / "run.json", json.dumps(content, indent=2) + "\n")
+    write_text(out / "run.json", json_text(content, indent=2) + "\n")
     return messages.end(
         EXIT_FAILED if acquired.failed else EXIT_DONE,
         f"{renders} renders ({acquired.rendered} now) of {views} views in {clock(seconds['total'])}, "

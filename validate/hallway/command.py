@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -12,6 +11,7 @@ from typing import Annotated, Any, Literal
 import tyro
 from rich.table import Table
 
+from pss.json_text import json_text
 from pss.noise import Calibration
 from render import backend
 from scenes import load_scene
@@ -252,7 +252,7 @@ def _write_run(
         "tables": tables,
         "seconds": seconds,
     }
-    write_text(folder / "run.json", json.dumps(content, indent=2) + "\n")
+    write_text(folder / "run.json", json_text(content, indent=2) + "\n")
 
 
 def _show(tables: dict[str, list[Row]], console: Console) -> None:

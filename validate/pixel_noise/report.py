@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.metadata
-import json
 import math
 import time
 from collections.abc import Sequence
@@ -11,6 +10,7 @@ from pathlib import Path
 
 from rich.table import Table
 
+from pss.json_text import json_text
 from render import backend
 from validate.console import Console
 from validate.pixel_noise.design import make_plan
@@ -51,7 +51,7 @@ def make(out: Path, store: str, seed: int, trials: int | None, quick: bool, cons
         "power_law": _law(law),
         "seconds": seconds,
     }
-    write_text(out / "run.json", json.dumps(said, indent=2, ensure_ascii=False) + "\n")
+    write_text(out / "run.json", json_text(said, indent=2, ensure_ascii=False) + "\n")
     console.print(exponent_table(exponents))
     console.print(_law(law), markup=False, soft_wrap=True)
     console.print(

@@ -14,6 +14,7 @@ from typing import Annotated, Any
 import tyro
 
 from pss import Evaluation
+from pss.json_text import as_json
 from render import backend, glow
 from render.sampling import Sampling
 from render.view import state_key
@@ -142,7 +143,9 @@ def remade(folder: Path, given: Given = NOTHING_GIVEN, strategy: Sequence[str] =
     sweeps = []
     tables = {table.name: table for table in read_sweeps(folder)}
     for sweep, scene in with_exposures(loaded, store, lambda line: None, lambda line: None, chosen):
-        if sweep.resolved() != said["sweeps"].get(sweep.name) or scene.resolved() != said["scenes"].get(sweep.name):
+        if as_json([sweep.resolved(), scene.resolved()]) != [
+            said[kind].get(sweep.name) for kind in ("sweeps", "scenes")
+        ]:
             raise StoreError(
                 f"{sweep.path} or {scene.path} has changed since the run in {folder}; allowed: the files that it was "
                 "made of, or a new run"

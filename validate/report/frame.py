@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import jinja2
 import plotly.offline
+
+from pss.json_text import json_text
 
 __all__ = ["json_in_page", "rendered"]
 
 
 def json_in_page(value: Any) -> str:
     """JSON that may stand in a script element."""
-    text = json.dumps(value, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+    text = json_text(value, ensure_ascii=False, separators=(",", ":"))
     return text.replace("<", "\\u003c")
 
 

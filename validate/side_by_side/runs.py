@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pss.json_text import json_text
 from scenes.errors import nearest
 from validate.csv_files import read_csv, read_head
 from validate.store import StoreError
@@ -176,5 +177,5 @@ def _flat(value: Any, prefix: str = "") -> dict[str, str]:
     elif isinstance(value, list) and value and all(isinstance(item, dict) for item in value):
         items = [(str(item.get("name", f"#{number}")), item) for number, item in enumerate(value, start=1)]
     else:
-        return {prefix.removesuffix("."): value if isinstance(value, str) else json.dumps(value)}
+        return {prefix.removesuffix("."): value if isinstance(value, str) else json_text(value)}
     return {key: leaf for name, item in items for key, leaf in _flat(item, f"{prefix}{name}.").items()}

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import ast
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from pss import Evaluation
+from pss.json_text import as_json
 from pss.noise import Calibration
 from render import backend, glow
 from scenes import load_scene
@@ -118,7 +118,7 @@ def remade_schedule(folder: Path, said: Mapping[str, Any], given: Given, strateg
     if scene_path is None:
         given.check_scene_of(folder, file.path, scene_path := file.scene_path)
     stage = stage_of(file, load_scene(scene_path, overrides, allow_outside=given.allow_outside))
-    if _plain(file.resolved()) != said["schedule"] or _plain(stage.scene.resolved()) != said["scene"]:
+    if as_json(file.resolved()) != said["schedule"] or as_json(stage.scene.resolved()) != said["scene"]:
         raise StoreError(
             f"{file.path} or {scene_path} has changed since the run in {folder}; allowed: the files that it was made "
             "of, or a new run"
@@ -134,11 +134,6 @@ def remade_schedule(folder: Path, said: Mapping[str, Any], given: Given, strateg
     return write_schedule_report(
         folder, ScheduleForReport(design, found, predictions, measured, chosen.identity), store
     )
-
-
-def _plain(value: Any) -> Any:
-    """As it comes back from JSON."""
-    return json.loads(json.dumps(value))
 
 
 def _predictions(
