@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import time
 from collections.abc import Mapping
@@ -13,6 +14,7 @@ from validate.acquire import Acquired
 from validate.console import Console
 from validate.events import EventFile
 from validate.exit_codes import EXIT_BROKEN, EXIT_CLOSED_PIPE, EXIT_INTERRUPTED, EXIT_MISTAKE
+from validate.folder_lock import alone_in
 from validate.program import output_is_closed
 from validate.progress import ViewProgress
 
@@ -47,6 +49,7 @@ class RunMessages:
         self.notes = Console(stderr=True, quiet=quiet)
         self.errors = Console(stderr=True)
         self._events: EventFile | None = None
+        self._folder = contextlib.ExitStack()
 
     def __enter__(self) -> RunMessages:
         return self
@@ -60,13 +63,22 @@ class RunMessages:
             self._event("finished", exit_code=EXIT_MISTAKE, cause=str(error))
         elif isinstance(error, Exception):
             self._event("finished", exit_code=EXIT_BROKEN, cause=f"{type(error).__name__}: {error}")
+        self._folder.close()
 
     def __call__(self, total: int) -> ViewProgress:
         """Progress of one pass over the views of which `total` are still to be made."""
         return ViewProgress(total, self.notes, self._events)
 
     def start(self, folder: Path, command: str, **said: object) -> None:
-        """From now on there are events, in the run's folder; `said` goes into the first one."""
+        """From now on there are events, in the run's folder, and no other run may use it until the context ends.
+
+        Args:
+            said: goes into the first event.
+
+        Raises:
+            StoreError: another run uses the folder; nothing is written there.
+        """
+        self._folder.enter_context(alone_in(folder))
         self._events = EventFile(
             folder, lambda line: self.errors.print(line, markup=False, soft_wrap=True), self._begin
         )

@@ -32,6 +32,7 @@ def run(
 
     from pss import RangeError
     from validate.console import Console
+    from validate.folder_lock import alone_in
     from validate.pixel_noise.report import make
     from validate.run import check_folders
 
@@ -41,7 +42,8 @@ def run(
         raise RangeError(f"--seed {seed}; allowed: 0 or more")
     check_folders(out, store)
     wide = None if sys.stdout.isatty() else 140
-    make(out, store, seed, trials, quick, Console(width=wide), Console(stderr=True))
+    with alone_in(out):
+        make(out, store, seed, trials, quick, Console(width=wide), Console(stderr=True))
     return 0
 
 

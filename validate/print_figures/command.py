@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Literal
@@ -16,6 +17,7 @@ from scenes import load_scene, load_sweep
 from scenes.schedule_file import load_schedule
 from validate.acquire import Acquired, Acquisition, acquire
 from validate.console import Console
+from validate.folder_lock import alone_in
 from validate.program import program_name
 from validate.progress import EXPECTED_SECONDS, ViewProgress, clock
 from validate.remote_store import open_store
@@ -60,13 +62,20 @@ def run(
             raise RangeError(f"figure {number}; allowed: {', '.join(str(each) for each in FIGURES)}")
     check_folders(out, store)
     opened, chosen = open_store(store), backend.choose(variant)
+    with contextlib.nullcontext() if dry_run else alone_in(out):
+        _make_all(figures, out, table, opened, chosen, dry_run)
+    return 0
+
+
+def _make_all(
+    figures: tuple[int, ...], out: Path, table: str | None, opened: Store, chosen: backend.Backend, dry_run: bool
+) -> None:
     errors = Console(stderr=True)
     for number in dict.fromkeys(figures):
         make = _walk if number == max(FIGURES) else _static
         paths = make(number, out, table, opened, chosen, errors, dry_run)
         if paths:
             print(f"Figure {number}: {', '.join(str(path) for path in paths)}")
-    return 0
 
 
 def _static(

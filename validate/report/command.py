@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import contextlib
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
@@ -22,6 +23,7 @@ from scenes import load_scene, load_sweep
 from validate.acquire import Acquisition, baked
 from validate.assess import predict
 from validate.expose import with_exposures
+from validate.folder_lock import alone_in
 from validate.measure import ViewMeasurement
 from validate.program import program_name
 from validate.remote_store import open_store
@@ -206,7 +208,8 @@ def run(
         strategy: a schedule's strategies of one's own, as they were given to it: their files are run.
         allow_outside: let the folder and files name others outside (see "Files from others" in docs/scenes.md).
     """
-    print(remade(folder, Given(store, scene, file, allow_outside), strategy))
+    with alone_in(folder) if folder.is_dir() else contextlib.nullcontext():
+        print(remade(folder, Given(store, scene, file, allow_outside), strategy))
     return 0
 
 

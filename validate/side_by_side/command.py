@@ -11,6 +11,7 @@ import tyro
 from rich.table import Table
 
 from validate.console import Console
+from validate.folder_lock import alone_in
 from validate.program import program_name
 from validate.side_by_side.cells import cells
 from validate.side_by_side.rows import QUANTITIES, Quantity, matched
@@ -88,7 +89,9 @@ def _page(sides: Sequence[Side], out: Path | None) -> Path:
     """The page, written; what draws it takes longer to import than a table to print."""
     from validate.side_by_side.page import PAGE, write_page
 
-    return write_page(out or PAGE, sides)
+    path = out or PAGE
+    with alone_in(path.parent):
+        return write_page(path, sides)
 
 
 def compared(sides: Sequence[Side], name: str) -> list[Row]:
