@@ -26,7 +26,7 @@ from validate.progress import ViewProgress
 from validate.reservations import in_turn
 from validate.scale.options import HERE, Scale
 from validate.store import Store, StoreError
-from validate.stored_views import DamagedViewError, certificate_of, save_view
+from validate.stored_views import DamagedViewError, certificate_of, render_seconds_of, save_view
 from validate.whole_files import remove_abandoned
 from validate.worker_queue import WorkerQueue
 
@@ -110,6 +110,8 @@ def _certified(item: Acquisition, store: Store, acquired: Acquired) -> bool:
         if certificate is None:
             return False
         acquired.certificates[key] = certificate
+        if (seconds := render_seconds_of(store, item.request)) is not None:
+            acquired.stored_seconds[key] = seconds
     return True
 
 

@@ -58,7 +58,8 @@ class Acquired:
     """What came of the wanted views; keys are the views' hashes (`measured`: with seed and trials).
 
     `appearances` says how the markers of each scene state look, by the state's hash, from its solved light;
-    `failed` says why a view is missing; `rendered` and `measured_items` are what this run made itself.
+    `failed` says why a view is missing. `rendered`, `render_seconds` and `measured_items` are of this run itself,
+    `stored_seconds` (s) what rendering took another run, where the store has that.
     """
 
     measured: dict[Acquisition, ViewMeasurement] = field(default_factory=dict)
@@ -66,6 +67,7 @@ class Acquired:
     appearances: dict[str, Appearance] = field(default_factory=dict)
     failed: dict[str, str] = field(default_factory=dict)
     render_seconds: dict[str, float] = field(default_factory=dict)
+    stored_seconds: dict[str, float] = field(default_factory=dict)
     rendered: int = 0
     measured_items: set[Acquisition] = field(default_factory=set)
 

@@ -13,7 +13,16 @@ from render.view import Certificate, RenderedView, ViewRequest
 from validate.store import Store, StoreError
 from validate.whole_files import disk_full, free_bytes
 
-__all__ = ["DamagedViewError", "adopt_view", "certificate_of", "load_view", "save_view", "stored_planes", "stored_view"]
+__all__ = [
+    "DamagedViewError",
+    "adopt_view",
+    "certificate_of",
+    "load_view",
+    "render_seconds_of",
+    "save_view",
+    "stored_planes",
+    "stored_view",
+]
 
 # Uncompressed bytes a pixel: four channels of four and three of two (`render.exr`).
 BYTES_A_PIXEL = 22
@@ -133,6 +142,16 @@ def certificate_of(store: Store, request: ViewRequest) -> Certificate | None:
 
     view = store.read(path, read, _facts)
     return None if view is None else view.certificate
+
+
+def render_seconds_of(store: Store, request: ViewRequest) -> float | None:
+    """s, that rendering a stored view took whoever rendered it; None where its sum does not have that.
+
+    Raises:
+        StoreError: as `certificate_of`.
+    """
+    seconds = (store.facts(store.view(request.key)) or {}).get("seconds")
+    return None if seconds is None else float(seconds)
 
 
 def _facts(view: RenderedView) -> dict[str, Any]:

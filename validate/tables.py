@@ -26,6 +26,7 @@ __all__ = ["configuration_rows", "detection_rows", "point_rows", "timing_rows", 
 Row = dict[str, object]
 Floats = NDArray[np.float64]
 
+THIS_RUN, ANOTHER_RUN = "this run", "another run"
 THRESHOLDS_MM = (1, 2, 5, 10)
 # Digits that tell any two measured numbers apart, and few enough for a person.
 DIGITS = 7
@@ -210,16 +211,18 @@ def _certificate(certificate: Certificate) -> Row:
 
 
 def timing_rows(wanted: Iterable[Acquisition], acquired: Acquired) -> list[Row]:
-    """Seconds spent on each view; 0 for what was in the store already."""
+    """Seconds that each view took, whichever run made it; nan where the store does not have that of another run's."""
     rows: dict[str, Row] = {}
     for item in wanted:
         if item in acquired.measured:
             key = item.request.key
-            seconds = acquired.measured[item].seconds
+            seconds = acquired.render_seconds.get(key, acquired.stored_seconds.get(key, math.nan))
             rows[key] = {
                 "view": key,
-                "render_seconds": acquired.render_seconds.get(key, 0.0),
-                "detect_seconds": seconds if item in acquired.measured_items else 0.0,
+                "render_seconds": seconds,
+                "detect_seconds": acquired.measured[item].seconds,
+                "rendered_in": THIS_RUN if key in acquired.render_seconds else ANOTHER_RUN,
+                "measured_in": THIS_RUN if item in acquired.measured_items else ANOTHER_RUN,
             }
     return list(rows.values())
 
