@@ -25,9 +25,11 @@ from validate.console import Console
 from validate.file_names import FIGURES
 from validate.pixel_noise import figure as pixel_noise_figure
 from validate.progress import ViewProgress
+from validate.run_sweep import main
 from validate.side_by_side import command as comparison
 from validate.side_by_side.page import html_of
 from validate.side_by_side.runs import sides_of
+from validate.table_text import table_text
 
 # What Matplotlib, rich, HTML, Jinja, plotly, Python's formats, shells and terminals each read as something else.
 HOSTILE = (
@@ -124,6 +126,30 @@ def test_the_console_prints_words_as_they_are(words):
 
 def test_the_console_sends_no_sequence_of_a_file_to_the_terminal():
     assert printed(lambda console: console.print("a\x1b]0;title\x07b")) == "a\\x1b]0;title\\x07b\n"
+
+
+def test_a_mistake_sends_no_sequence_of_a_file_to_the_terminal(tmp_path, capsys):
+    said = {"options": {"sweeps": "()", "store": "\x1b]0;title\x07"}, "sweeps": {}, "scenes": {}}
+    (tmp_path / "run.json").write_text(json.dumps(said))
+    assert main(["report", str(tmp_path)]) == 2
+    message = capsys.readouterr().err
+    assert "\\x1b]0;title\\x07" in message
+    assert message.strip().isprintable()
+
+
+def test_a_pipe_that_nobody_reads_is_the_same_error_as_of_print():
+    class Closed(io.StringIO):
+        def write(self, text: str) -> int:
+            raise BrokenPipeError
+
+    with pytest.raises(BrokenPipeError):
+        Console(file=Closed()).print("a")
+
+
+def test_markdown_has_words_as_they_are():
+    """No HTML, formula, code, emphasis or link; intervals keep their brackets."""
+    table = table_text([{"a": "<b>$x$ `c` *d* [e](f) | \\g"}, {"a": "0.5 [0.1, 0.9]"}], "md")
+    assert table.splitlines()[2:] == [r"| \<b>\$x\$ \`c\` \*d\* [e]\(f) \| \\g |", "| 0.5 [0.1, 0.9] |"]
 
 
 def test_the_bar_of_progress_takes_any_name():

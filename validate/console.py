@@ -7,7 +7,7 @@ from typing import Any
 import rich.console
 from rich.text import Text
 
-__all__ = ["Console"]
+__all__ = ["Console", "printable"]
 
 
 class Console(rich.console.Console):
@@ -21,14 +21,15 @@ class Console(rich.console.Console):
 
     def render_str(self, text: str, **options: Any) -> Text:
         """As the base class, which tables call for their titles and cells as well; unprintable signs as escapes."""
-        return super().render_str(_printable(text), **options)
+        return super().render_str(printable(text), **options)
 
     def on_broken_pipe(self) -> None:
         """Let the error through: the base class would end the program with exit code 1."""
         raise
 
 
-def _printable(text: str) -> str:
+def printable(text: str) -> str:
+    """A text without what would speak to the terminal, which becomes an escape; lines stay lines."""
     if text.isprintable():
         return text
     return "".join(

@@ -117,7 +117,10 @@ def _main(arguments: list[str]) -> int:
         if not isinstance(error, PSSError):
             traceback.print_exc()
             return EXIT_BROKEN
-        print(f"{program_name()}: {error}", file=sys.stderr)
+        # Imported late: a mistake of the command line is answered at once.
+        from validate.console import printable
+
+        print(f"{program_name()}: {printable(str(error))}", file=sys.stderr)
         return EXIT_MISTAKE
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -16,6 +17,8 @@ TABLE_KINDS = ("csv", "md", "tex")
 """Comma-separated values, Markdown, LaTeX (tabular with booktabs' rules)."""
 # CSV keeps what tells any two measured numbers apart; a printed table, what a reader takes in.
 CSV_DIGITS, PRINTED_DIGITS = 7, 4
+# What would be code, emphasis, a formula, HTML or a link; a lone bracket is none.
+MARKDOWN_SIGNS = re.compile(r"[\\`*$<|]|(?<=\])\(")
 TEX_SIGNS = {
     "\\": r"\textbackslash{}",
     **{sign: rf"\{sign}" for sign in "&%$#_{}"},
@@ -71,7 +74,7 @@ def _csv(head: list[str], body: list[list[str]], _numeric: list[bool]) -> str:
 
 
 def _markdown(head: list[str], body: list[list[str]], numeric: list[bool]) -> str:
-    escaped = [[word.replace("|", r"\|").replace("\n", " ") for word in line] for line in (head, *body)]
+    escaped = [[MARKDOWN_SIGNS.sub(r"\\\g<0>", word.replace("\n", " ")) for word in line] for line in (head, *body)]
     lines = [f"| {' | '.join(line)} |" for line in escaped]
     lines.insert(1, f"|{'|'.join('---:' if right else '---' for right in numeric)}|")
     return "\n".join(lines) + "\n"
