@@ -204,9 +204,7 @@ def _sphere(shape: Sphere) -> Patches:
     greys = _grey(middle / np.linalg.norm(middle, axis=1, keepdims=True))
     # Shades of the whole ball, not of a surface that light comes to from both sides.
     greys = DARK + (greys - DARK) * (middle @ LIGHT > 0)
-    return Patches(
-        tuple(np.array(shape.centre_m) + shape.radius_m * cells), greys, np.zeros(len(cells), dtype=bool)
-    )
+    return Patches(tuple(np.array(shape.centre_m) + shape.radius_m * cells), greys, np.zeros(len(cells), dtype=bool))
 
 
 @patches_of.register
@@ -235,4 +233,3 @@ def _merged(vertices: Floats, faces: NDArray[np.int64]) -> tuple[Floats, NDArray
     kept = (merged != np.roll(merged, 1, axis=1)).all(axis=1)
     unique = np.unique(np.sort(merged[kept], axis=1), axis=0, return_index=True)[1]
     return sums / counts[:, None], merged[kept][unique]
-

@@ -9,7 +9,7 @@ import numpy as np
 
 from validate.figures import AXIS_NAMES
 from validate.report.data import KINDS, MM, Curve, SweepTable
-from validate.report.style import INK, layout, line_at, model_style
+from validate.report.style import INK, NUMBERS, layout, line_at, model_style
 from validate.report.traces import Choice, Columns, Figure, plain, ref
 from validate.stars import star_heights
 
@@ -117,7 +117,8 @@ def curves_figure(table: SweepTable) -> Figure:
         traces,
         layout(
             step_axis(table),
-            {"title": {"text": ref("y_title|{quantity}")}, "type": ref("y_type|{quantity}"), "rangemode": "tozero"},
+            {"title": {"text": ref("y_title|{quantity}")}, "type": ref("y_type|{quantity}"), "rangemode": "tozero"}
+            | {"tickformat": NUMBERS, "nticks": 8},
             shapes=[line_at(ref("now"))],
             hovermode="x unified",
         ),

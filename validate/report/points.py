@@ -10,7 +10,7 @@ import numpy as np
 from validate.report.curves import place
 from validate.report.data import KINDS, Kind, SweepTable
 from validate.report.steps import Step
-from validate.report.style import GREY, INK, SCALE, layout, object_styles
+from validate.report.style import GREY, INK, LOG_AXIS, SCALE, layout, object_styles
 from validate.report.traces import Choice, Columns, Figure, plain, ref
 
 __all__ = ["point_columns", "points_figure"]
@@ -119,18 +119,8 @@ def points_figure(table: SweepTable) -> Figure:
         "Scatter of predicted against measured σ of every marker, on logarithmic axes in millimetres.",
         traces,
         layout(
-            {
-                "type": "log",
-                "dtick": "D2",
-                "title": {"text": ref("x_title|{kind}")},
-                "range": ref("range_x|{kind}|{model}"),
-            },
-            {
-                "type": "log",
-                "dtick": "D2",
-                "title": {"text": ref("y_title|{kind}")},
-                "range": ref("range_y|{kind}|{model}"),
-            },
+            LOG_AXIS | {"title": {"text": ref("x_title|{kind}")}, "range": ref("range_x|{kind}|{model}")},
+            LOG_AXIS | {"title": {"text": ref("y_title|{kind}")}, "range": ref("range_y|{kind}|{model}")},
         ),
         (Choice("colour", "Colour and sign", (("object", "object"), ("views", "cameras"), ("blur", "blur"))),),
         columns

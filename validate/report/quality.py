@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from validate.report.curves import place, step_axis
 from validate.report.data import SweepTable
-from validate.report.style import GREY, INK, layout, line_at, model_style
+from validate.report.empty_rows import NO_ORDER, Sign, empty_row_words
+from validate.report.style import GREY, INK, LOG_AXIS, layout, line_at, model_style
 from validate.report.traces import Choice, Columns, Figure, plain, ref
 
 __all__ = ["leaderboard_figure", "nees_figure"]
@@ -40,6 +41,7 @@ YARDSTICK_NAMES = {
 def leaderboard_figure(table: SweepTable) -> Figure:
     """Spearman's ρ of each metric and noise model with a yardstick, with its interval."""
     columns: Columns = {}
+    signs: dict[str, list[Sign]] = {}
     yardsticks = list(dict.fromkeys(row["yardstick"] for row in table.correlation))
     traces: list[dict[str, Any]] = []
     for number, model in enumerate(table.models):
@@ -72,11 +74,15 @@ def leaderboard_figure(table: SweepTable) -> Figure:
             rows = [r for r in table.correlation if r["yardstick"] == yardstick and r["noise_model"] == model]
             metrics = _metrics_of(table, yardstick)
             rho = np.array([_number(row["spearman"]) for row in rows])
+            at = [metrics.index(row["metric"]) for row in rows]
+            signs.setdefault(yardstick, []).extend(
+                Sign(model, row, row + offset, float(value)) for row, value in zip(at, rho, strict=True)
+            )
             columns |= {
                 f"rho|{yardstick}|{model}": plain(rho),
                 f"above|{yardstick}|{model}": plain(np.array([_number(r["spearman_ci_high"]) for r in rows]) - rho),
                 f"below|{yardstick}|{model}": plain(rho - np.array([_number(r["spearman_ci_low"]) for r in rows])),
-                f"row|{yardstick}|{model}": [metrics.index(row["metric"]) + offset for row in rows],
+                f"row|{yardstick}|{model}": [row + offset for row in at],
                 f"more|{yardstick}|{model}": [
                     [
                         METRIC_NAMES.get(r["metric"], r["metric"]),
@@ -89,6 +95,7 @@ def leaderboard_figure(table: SweepTable) -> Figure:
                 f"names|{yardstick}": [METRIC_NAMES.get(name, name) for name in metrics],
                 f"range|{yardstick}": [len(metrics) - 0.5, -0.5],
             }
+    columns |= {f"words|{yardstick}": empty_row_words(of, NO_ORDER) for yardstick, of in signs.items()}
     return Figure(
         "leaderboard",
         "Which metric ranks best",
@@ -105,6 +112,7 @@ def leaderboard_figure(table: SweepTable) -> Figure:
                 "range": ref("range|{yardstick}"),
                 "showgrid": False,
             },
+            annotations=ref("words|{yardstick}"),
         ),
         (Choice("yardstick", "Yardstick", tuple((name, YARDSTICK_NAMES.get(name, name)) for name in yardsticks)),),
         columns,
@@ -177,7 +185,7 @@ def nees_figure(table: SweepTable) -> Figure:
         traces,
         layout(
             step_axis(table),
-            {"type": "log", "title": {"text": "NEES / 3"}, "nticks": 8, "exponentformat": "power"},
+            LOG_AXIS | {"title": {"text": "NEES / 3"}},
             shapes=[right, line_at(ref("now"))],
             hovermode="x unified",
         ),

@@ -7,6 +7,8 @@ from typing import Any
 __all__ = [
     "GREY",
     "INK",
+    "LOG_AXIS",
+    "NUMBERS",
     "PURPLE_ORANGE",
     "SCALE",
     "layout",
@@ -23,6 +25,10 @@ DASHES = ("dash", "dot", "dashdot", "longdash", "longdashdot", "dash")
 SCALE = "Viridis"
 # Light in the middle, dark at both ends, and told apart by all kinds of colour vision (ColorBrewer's PuOr).
 PURPLE_ORANGE = [[0, "#2d004b"], [0.25, "#8073ac"], [0.5, "#f0f0f0"], [0.75, "#e08214"], [1, "#7f3b08"]]
+NUMBERS = ".6~g"
+"""d3's format of an axis's numbers: each written out."""
+LOG_AXIS = {"type": "log", "tickformat": NUMBERS, "nticks": 8}
+"""A logarithmic axis: without a format plotly writes the first digit alone, 2 for 0.02 and for 20."""
 FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', sans-serif"
 
 

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from validate.report.empty_rows import NO_ORDER, Sign, empty_row_words
 from validate.report.quality import METRIC_NAMES, YARDSTICK_NAMES
-from validate.report.style import GREY, layout
+from validate.report.style import GREY, LOG_AXIS, layout
 from validate.report.traces import Choice, Columns, Figure, plain, ref
 from validate.side_by_side.axes import side_style
 
@@ -81,7 +82,7 @@ def dots_figure(dots: Dots, labels: Sequence[str], names: Sequence[str]) -> Figu
     for values in product(*([value for value, _ in choice.options] for choice in choices)):
         chosen = dict(zip((choice.name for choice in choices), values, strict=True))
         own = [row for row in rows if all(_fits(row, key, value) for key, value in chosen.items())]
-        columns |= _columns("|".join(values), own, dots, labels)
+        columns |= _columns("|".join(values), own, dots, labels, names)
     right = "ratio" if dots.as_ratio else "difference"
     traces: list[dict[str, Any]] = []
     for number, name in enumerate(names):
@@ -113,10 +114,9 @@ def dots_figure(dots: Dots, labels: Sequence[str], names: Sequence[str]) -> Figu
         "nticks": 5,
     }
     if dots.as_ratio:
-        plot["xaxis2"] |= {"type": "log"}
+        plot["xaxis2"] |= LOG_AXIS | {"nticks": 5}
     plot["yaxis2"] = plot["yaxis"] | {"anchor": "x2", "showticklabels": False}
-    note = {"text": ref(f"note|{stem}"), "xref": "paper", "yref": "paper", "x": 0.3, "y": 0.5, "showarrow": False}
-    plot["annotations"] = [note]
+    plot["annotations"] = ref(f"words|{stem}")
     plot["shapes"] = [line | {"x0": even, "x1": even}]
     alt = (
         f"Dots with intervals: {dots.axis} of each side, by {COLUMN_NAMES.get(dots.down, dots.down).lower()}; beside "
@@ -169,7 +169,7 @@ def _fits(row: Row, name: str, value: str) -> bool:
     return own == value or (name == "by_noise_model" and not own)
 
 
-def _columns(stem: str, rows: Sequence[Row], dots: Dots, labels: Sequence[str]) -> Columns:
+def _columns(stem: str, rows: Sequence[Row], dots: Dots, labels: Sequence[str], names: Sequence[str]) -> Columns:
     """What is drawn for one way to set the choices."""
     if len(rows) > SORTED_FROM:
         rows = sorted(rows, key=lambda row: -np.nan_to_num(_number(row, labels[0]), nan=-np.inf))
@@ -177,10 +177,10 @@ def _columns(stem: str, rows: Sequence[Row], dots: Dots, labels: Sequence[str]) 
     columns: Columns = {
         f"rows|{stem}": list(range(len(rows))),
         f"names|{stem}": [METRIC_NAMES.get(str(row[dots.down]), str(row[dots.down]) or "none") for row in rows],
-        f"note|{stem}": "" if rows else "the sides have no rows of this",
         f"range|{stem}": [len(rows) - 0.5, -0.5],
         f"height|{stem}": REST_PX + ROW_PX * max(len(rows), 3) * max(1, len(labels) - 1),
     }
+    signs: dict[str, list[Sign]] = {"": [], "2": []}
     for number, label in enumerate(labels):
         offset = ROW_SHARE * (number - (len(labels) - 1) / 2) / len(labels)
         columns[f"at{number}|{stem}"] = [row + offset for row in range(len(rows))]
@@ -189,10 +189,26 @@ def _columns(stem: str, rows: Sequence[Row], dots: Dots, labels: Sequence[str]) 
             columns[f"{name}|{stem}"] = plain(values)
             columns[f"{name}_above|{stem}"] = plain(high - values)
             columns[f"{name}_below|{stem}"] = plain(values - low)
+            signs["2" if column != label else ""] += [
+                Sign(names[number], row, row + offset, float(value)) for row, value in enumerate(values)
+            ]
+    columns[f"words|{stem}"] = [
+        *([] if rows else [NO_ROWS]),
+        *empty_row_words(signs[""], NO_ORDER if not dots.as_ratio else "undefined"),
+        *empty_row_words(signs["2"], f"no {right}", "2"),
+    ]
     return columns
 
 
 ENDS = ("_ci_low", "_ci_high")
+NO_ROWS = {
+    "text": "the sides have no rows of this",
+    "xref": "paper",
+    "yref": "paper",
+    "x": 0.3,
+    "y": 0.5,
+    "showarrow": False,
+}
 
 
 def _number(row: Row, name: str) -> float:

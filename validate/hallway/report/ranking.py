@@ -9,6 +9,7 @@ import numpy as np
 
 from validate.findings.tables import Row, all_of
 from validate.hallway.report.tables import KIND_NAMES, ScheduleTable, number
+from validate.report.empty_rows import Sign, empty_row_words
 from validate.report.style import GREY, INK, layout, model_style
 from validate.report.traces import Choice, Columns, Figure, plain, ref
 
@@ -39,6 +40,10 @@ def ranking_figure(table: ScheduleTable) -> Figure:
             for model in table.every.models:
                 own = all_of(rows, figure=f"predicted PSS, {kind_name}", noise_model=model)
                 _add(columns, f"{limit}|{kind}|{model}", names, own, "rank", "rank_ci")
+                for key in YARDSTICKS:
+                    stem = f"{limit}|{kind}"
+                    series = {"predicted": (model, -APART), "measured": (key, APART)}
+                    columns[f"words|{stem}|{model}|{key}"] = _words(columns, stem, series)
     traces = [
         _dots("predicted", "{zoom_limit}|{kind}|{model}", names, -APART, ("#0072B2", "square"), "rank %{x:.2g}"),
         _dots("measured", "{zoom_limit}|{kind}|{yardstick}", names, APART, (INK, "circle"), "rank %{x:.2g}"),
@@ -55,6 +60,7 @@ def ranking_figure(table: ScheduleTable) -> Figure:
         layout(
             {"title": {"text": "rank, 1 the best"}, "range": [0.6, len(names) + 0.4], "dtick": 1},
             _rows_axis(names),
+            annotations=ref("words|{zoom_limit}|{kind}|{model}|{yardstick}"),
         ),
         (Choice("yardstick", "Measured by", tuple((key, words) for key, (words, _) in YARDSTICKS.items())),),
         columns,
@@ -65,6 +71,7 @@ def agreement_figure(table: ScheduleTable) -> Figure:
     """Spearman's ρ over the steps, or the median |log ratio|, of each strategy and of all together, with intervals."""
     names, columns = (ALL, *table.strategy_names), {}
     traces: list[dict[str, Any]] = []
+    offsets: dict[str, tuple[str, float]] = {}
     for count, model in enumerate(table.every.models):
         colour, symbol, _ = model_style(count)
         offset = ROW_SHARE * (count - (len(table.every.models) - 1) / 2) / len(table.every.models)
@@ -73,8 +80,11 @@ def agreement_figure(table: ScheduleTable) -> Figure:
                 rows = all_of(table.agreement, zoom_limit=limit, kind=kind_name, noise_model=model)
                 for quantity in ("spearman", "median_abs_log_ratio"):
                     _add(columns, f"{quantity}|{limit}|{kind}|{model}", names, rows, quantity, f"{quantity}_ci")
+        offsets[model] = (model, offset)
         where = "{quantity}|{zoom_limit}|{kind}|" + model
         traces.append(_dots(model, where, names, offset, (colour, symbol), "%{x:.3g}"))
+    for stem in {name.removeprefix("at|").rpartition("|")[0] for name in columns if name.startswith("at|")}:
+        columns[f"words|{stem}"] = _words(columns, stem, offsets)
     columns |= {
         "x_title|spearman": "Spearman’s ρ over the steps",
         "x_title|median_abs_log_ratio": "median |ln(predicted / measured)|",
@@ -93,10 +103,21 @@ def agreement_figure(table: ScheduleTable) -> Figure:
         layout(
             {"title": {"text": ref("x_title|{quantity}")}, "range": ref("x_range|{quantity}"), "zerolinecolor": GREY},
             _rows_axis(names),
+            annotations=ref("words|{quantity}|{zoom_limit}|{kind}"),
         ),
         (Choice("quantity", "Quantity", (("spearman", "ρ"), ("median_abs_log_ratio", "log ratio"))),),
         columns,
     )
+
+
+def _words(columns: Columns, stem: str, series: Mapping[str, tuple[str, float]]) -> list[dict[str, Any]]:
+    """What stands in rows without dots; `series` has the end of each one's column and its offset from the row."""
+    signs = [
+        Sign(name, row, row + offset, np.nan if value is None else value)
+        for name, (end, offset) in series.items()
+        for row, value in enumerate(columns[f"at|{stem}|{end}"])
+    ]
+    return empty_row_words(signs, "undefined, or not in the tables of the run")
 
 
 def _range(columns: Mapping[str, Any]) -> list[float]:

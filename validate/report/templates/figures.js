@@ -26,11 +26,18 @@ const Figures = (() => {
     return Object.fromEntries(Object.entries(value).map(([name, item]) => [name, asWords(item, name)]));
   }
 
-  /** Tells the `owner` of an element that it comes into view. */
-  const watcher = new IntersectionObserver((entries) => entries.forEach((entry) => {
-    entry.target.owner.seen = entry.isIntersecting;
-    if (entry.isIntersecting) entry.target.owner.refresh();
-  }), { rootMargin: "300px" });
+  /** Notifies the `owner` of an element that comes into view or leaves it; who leaves does so first. */
+  const watcher = new IntersectionObserver((entries) => {
+    entries.forEach((entry) => { entry.target.owner.seen = entry.isIntersecting; });
+    entries.filter((entry) => !entry.isIntersecting).forEach((entry) => entry.target.owner.leave?.());
+    entries.filter((entry) => entry.isIntersecting).forEach((entry) => entry.target.owner.refresh());
+  }, { rootMargin: "300px" });
+
+  // A browser has few WebGL contexts, some only eight, and blanks the oldest figure without a word when they are used up.
+  const MOST_SCENES = 4;
+  const IN_SPACE = /^(scatter3d|mesh3d|surface|cone|streamtube|volume|isosurface)$/;
+  /** The places whose figure in space is alive; the one that was drawn longest ago first. */
+  const scenes = [];
 
   /** A figure in its place, with the controls that are its own; whoever extends it has `refresh`. */
   class Place {
@@ -63,11 +70,77 @@ const Figures = (() => {
     }
     /** Draw; `layout` has its height. */
     draw(traces, layout, config) {
+      if (this.purging) { // anew, once plotly has done with what was there
+        this.purging.then(() => { this.dirty = true; this.refresh(); });
+        return;
+      }
+      const inSpace = traces.some((trace) => IN_SPACE.test(trace.type));
+      if (this.picture) { this.picture = null; this.div.replaceChildren(); }
+      if (inSpace && this.view && this.view.room === this.room) layout.scene = { ...layout.scene, camera: this.view.camera };
       this.drawnFor = this.room;
       this.div.style.minHeight = layout.height + "px";
       layout.autosize = !drawing.onPaper;
       if (drawing.onPaper) layout.width = Math.min(PRINTED_PX, this.div.clientWidth);
-      Plotly.react(this.div, asWords(traces), asWords(layout), config);
+      const done = Plotly.react(this.div, asWords(traces), asWords(layout), config);
+      this.drawing = done;
+      done.then(() => { if (this.drawing === done) this.drawing = null; });
+      if (inSpace) this.live();
+    }
+    /** Count among the scenes that are alive; the one drawn longest ago becomes a picture where there are too many. */
+    live() {
+      if (!this.counted) {
+        this.counted = true;
+        this.div.on("plotly_relayout", (event) => {
+          if (event["scene.camera"]) this.view = { room: this.drawnFor, camera: event["scene.camera"] };
+        });
+      }
+      const before = scenes.indexOf(this);
+      if (before >= 0) scenes.splice(before, 1);
+      scenes.push(this);
+      while (scenes.length > MOST_SCENES) scenes[0].freeze();
+    }
+    /** Give the WebGL context back. */
+    release() {
+      if (!this.counted) return;
+      this.counted = false;
+      scenes.splice(scenes.indexOf(this), 1);
+      // The contexts would otherwise live until the browser tidies up.
+      this.div.querySelectorAll("canvas").forEach((canvas) => {
+        const context = canvas.getContext("webgl");
+        const end = context && context.getExtension("WEBGL_lose_context");
+        if (end) end.loseContext();
+      });
+      this.div.replaceChildren();
+      // Plotly ends a drawing after its call returned, and must find its figure then.
+      if (this.drawing) this.purging = this.drawing.then(() => { Plotly.purge(this.div); this.purging = null; });
+      else Plotly.purge(this.div);
+      this.released();
+    }
+    /** What whoever extends this forgets with its figure. */
+    released() {}
+    /** Out of view: a figure in space is drawn anew when it comes back. */
+    leave() {
+      if (!this.counted) return;
+      this.dirty = true;
+      this.release();
+    }
+    /** Make a picture of a figure in space, which is drawn anew when it is touched or changed. */
+    freeze() {
+      const { scene } = this.div._fullLayout;
+      const copy = this.div.querySelector(".plot-container").cloneNode(true);
+      const canvas = copy.querySelector("canvas");
+      if (canvas && scene && scene._scene) {
+        const image = new Image();
+        image.src = scene._scene.toImage("png");
+        image.alt = "";
+        image.style.cssText = canvas.style.cssText;
+        canvas.replaceWith(image);
+      }
+      this.release();
+      this.div.append(copy);
+      this.picture = copy;
+      const revive = () => { this.dirty = true; this.refresh(); };
+      copy.addEventListener("pointerenter", revive, { once: true });
     }
   }
 

@@ -120,6 +120,7 @@
       this.list.value = marker === null ? "" : String(marker);
       this.stale();
     }
+    released() { this.drawn = false; }
     refresh() {
       if (!this.dirty) return;
       this.dirty = false;
