@@ -1,9 +1,9 @@
 """A target is found as a whole or not at all: what it takes besides a line of sight to its centre.
 
 The paper's points are visible if the camera sees them (section 4.1; `pss.visibility`). A marker is more than its
-centre: it must be in view with its outline, nothing may stand before any part of it, and its modules must be large and
-sharp enough to be told apart. The first two are geometry; the limits of the third belong to a detector and are fitted
-(`Calibration.limits`).
+centre: it must be in view with its outline, nothing may stand before any part of it, and its modules must be large,
+sharp and bright enough to be told apart. The first two are geometry; the limits of the third belong to a detector: those of
+size and blur are fitted (`Calibration.limits`), that of contrast over noise was measured on drawn markers.
 """
 
 from __future__ import annotations
@@ -16,20 +16,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss.errors import RangeError
-from pss.noise.blur import DIAMETERS_PER_SIGMA, SQUARED_LENGTHS_PER_VARIANCE, way_across_px, way_px
+from pss.noise.blur import DIAMETERS_PER_SIGMA, SQUARED_LENGTHS_PER_VARIANCE, sensors_of, way_across_px, way_px
 from pss.noise.calibrated import Calibration
-from pss.noise.photometric import module_sides
+from pss.noise.photometric import module_sides, sides_e
 from pss.photometry import Appearance, ImageSensor
 from pss.surrogates import Shape, any_blocks
 from pss.views import Views
 from pss.visibility import CLEARANCE_M, VISIBILITY_TESTS, VisibilityTest
 
 __all__ = [
+    "LEAST_CONTRAST_OVER_NOISE",
     "TARGET_VISIBILITY",
     "VISIBILITIES",
     "Legible",
     "WholeTarget",
     "blur_modules",
+    "contrast_over_noise",
     "narrow_side_px",
     "visibility_tests",
     "within_limits",
@@ -37,6 +39,11 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+
+LEAST_CONTRAST_OVER_NOISE = 2.0
+"""Of white and black modules over σ of one capture at white, in one pixel: below it sharp markers are lost.
+
+Measured on drawn markers (benchmarks/detection_limit.py, benchmarks/README.md)."""
 
 VISIBILITIES = ("point", "target")
 # Where on a target something may stand before it: corners and middles of the sides, in units of half a side.
@@ -85,21 +92,25 @@ class WholeTarget:
 
 @dataclass(frozen=True)
 class Legible:
-    """The target's modules are large enough and sharp enough to be told apart by a detector.
+    """The target's modules are large, sharp and bright enough to be told apart by a detector.
 
     Attributes:
         smallest_module_px: px, of a module's narrow side (`narrow_side_px`).
         largest_blur_modules: of the circle of confusion over that side, with what motion adds (`blur_modules`).
-        sensor: the cameras' image sensor, or one for each by the camera's name, whose exposure blurs what moves; None
-            leaves motion out.
+        sensor: the cameras' image sensor, or one for each by the camera's name, whose exposure blurs what moves and
+            whose noise must not hide the modules; None leaves motion and noise out.
+        least_contrast: of white and black over the noise of one capture (`contrast_over_noise`).
     """
 
     smallest_module_px: float
     largest_blur_modules: float
     name: str = "legible"
     sensor: ImageSensor | Mapping[str, ImageSensor] | None = None
+    least_contrast: float = LEAST_CONTRAST_OVER_NOISE
 
     def __post_init__(self) -> None:
+        if not self.least_contrast >= 0:
+            raise RangeError(f"Legible.least_contrast = {self.least_contrast!r}; allowed: 0 or more")
         for name in ("smallest_module_px", "largest_blur_modules"):
             if not getattr(self, name) > 0:
                 raise RangeError(f"Legible.{name} = {getattr(self, name)!r}; allowed: above 0")
@@ -113,7 +124,10 @@ class Legible:
         _appearance(self.name, views)
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             large = narrow_side_px(views) >= self.smallest_module_px
-            return np.asarray(candidates & large & (blur_modules(views, self.sensor) <= self.largest_blur_modules))
+            legible = candidates & large & (blur_modules(views, self.sensor) <= self.largest_blur_modules)
+            if self.sensor is not None:
+                legible &= contrast_over_noise(views, self.sensor) >= self.least_contrast
+            return np.asarray(legible)
 
 
 TARGET_VISIBILITY: tuple[VisibilityTest, ...] = (*VISIBILITY_TESTS, WholeTarget())
@@ -182,6 +196,14 @@ def blur_modules(views: Views, sensor: ImageSensor | Mapping[str, ImageSensor] |
             diameter = np.sqrt(views.circle_of_confusion_px**2 + of_motion)
             found.append(diameter * np.hypot(side[:, 0], side[:, 1]) / area)
         return np.asarray(np.maximum(*found))
+
+
+def contrast_over_noise(views: Views, sensor: ImageSensor | Mapping[str, ImageSensor]) -> Floats:
+    """(C, N), white less black over σ of one capture at white, in one pixel, without blur; 0 where both saturate."""
+    white, black = sides_e(views, _appearance("legible", views), sensor)
+    noise = np.array([each.noise_electrons(row) for each, row in zip(sensors_of(sensor, views), white, strict=True)])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.where(white > black, (white - black) / noise, 0.0))
 
 
 def _appearance(name: str, views: Views) -> Appearance:

@@ -19,7 +19,8 @@ from tests.made_up_run import made_up_run
 from tests.test_sweep_run import SCENE, SWEEP
 from validate import own_metrics
 from validate.check.command import run as check
-from validate.check.foreseen import foresee, model_rows, warnings_of
+from validate.check.foreseen import foresee, model_rows
+from validate.check.warnings import warnings_of
 from validate.console import Console
 from validate.own_metrics import best_step, failures_of
 from validate.report.data import read_sweeps

@@ -33,7 +33,7 @@ from validate.store import Store, StoreError, write_text
 from validate.sweep import Plan, SweepResult, assess_sweep, plan
 from validate.versions import versions
 from validate.view_names import names_in_steps
-from validate.warnings_of_views import warn_of_render_noise, warn_of_saturation
+from validate.warnings_of_views import warn_of_darkness, warn_of_render_noise, warn_of_saturation
 
 __all__ = ["Options", "check_folders", "execute", "linked_views"]
 
@@ -144,6 +144,7 @@ def execute(options: Options, messages: RunMessages) -> int:
     names = names_in_steps(plans)
     warn_of_render_noise(wanted, acquired, messages.warn, names)
     warn_of_saturation(wanted, acquired, messages.warn, names)
+    warn_of_darkness(wanted, acquired, messages.warn, names)
     messages.failed(acquired.failed, names)
     for each in results:
         for label, cause in each.skipped:

@@ -103,9 +103,7 @@ def _main(arguments: list[str]) -> int:
         if arguments and arguments[0] in command_line.COMMANDS:
             command = importlib.import_module(command_line.COMMANDS[arguments[0]])
             return int(command.main(arguments[1:]))
-        return tyro.cli(
-            run_sweep, prog=program_name(), description=named_as_called(DESCRIPTION), args=arguments
-        )
+        return tyro.cli(run_sweep, prog=program_name(), description=named_as_called(DESCRIPTION), args=arguments)
     except KeyboardInterrupt:
         print("interrupted; what is rendered and measured stays in the store", file=sys.stderr)
         return EXIT_INTERRUPTED

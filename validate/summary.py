@@ -117,7 +117,8 @@ def _detection_table(results: Sequence[SweepResult]) -> Table:
     for name in ("sweep", "views", "visible, detected", "visible, missed", "hidden, detected", "hidden, missed"):
         table.add_column(name, justify="right")
     for row in detection_rows(results):
-        table.add_row(*(str(value) for value in row.values()))
+        counts = (row[f"{side}_{what}"] for side in ("visible", "hidden") for what in ("detected", "missed"))
+        table.add_row(str(row["sweep"]), str(row["views"]), *(str(count) for count in counts))
     return table
 
 

@@ -16,6 +16,7 @@ from scenes import Configuration
 from validate.acquire import Acquired, Acquisition
 from validate.assess import Assessment, Measured
 from validate.csv_files import csv_text
+from validate.darkness import markers_too_dark
 from validate.error_budget import error_budget
 from validate.intervals import interval
 from validate.store import write_text
@@ -228,18 +229,23 @@ def timing_rows(wanted: Iterable[Acquisition], acquired: Acquired) -> list[Row]:
 
 
 def detection_rows(results: Sequence[SweepResult]) -> list[Row]:
-    """Predicted visible against detected (in half the trials or more), counted over views × markers of each sweep."""
+    """Predicted visible against detected (in half the trials or more), counted over views × markers of each sweep.
+
+    Of those missed, `visible_missed_too_dark` have less contrast than the noise of a capture leaves legible.
+    """
     rows = []
     for result in results:
-        seen, found = set(), {True: [0, 0], False: [0, 0]}
+        seen, found, dark = set(), {True: [0, 0], False: [0, 0]}, 0
         for assessment, wanted in zip(result.assessments, result.views, strict=True):
-            visible = next(iter(assessment.predicted.values())).visible
+            evaluation = next(iter(assessment.predicted.values()))
+            visible, too_dark = evaluation.visible, markers_too_dark(evaluation, wanted[0].request.sensor)
             rate = assessment.view_detection_rate
             for row, item in enumerate(wanted):
                 if item.request.key in seen:
                     continue
                 seen.add(item.request.key)
                 detected = rate[row] >= 0.5
+                dark += int((visible[row] & ~detected & too_dark[row]).sum())
                 for predicted in (True, False):
                     chosen = detected[visible[row] == predicted]
                     found[predicted][0] += int(chosen.sum())
@@ -250,6 +256,7 @@ def detection_rows(results: Sequence[SweepResult]) -> list[Row]:
                 "views": len(seen),
                 "visible_detected": found[True][0],
                 "visible_missed": found[True][1],
+                "visible_missed_too_dark": dark,
                 "hidden_detected": found[False][0],
                 "hidden_missed": found[False][1],
             }

@@ -1,12 +1,16 @@
-"""What a run says aloud of its views once they are there: too much sampling noise, and too much light."""
+"""What a run says aloud of its views once they are there: too much sampling noise, too much or too little light."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
+from pss.legibility import LEAST_CONTRAST_OVER_NOISE
+from pss.views import Views
+from render.view import state_key
 from validate.acquire import Acquired, Acquisition
+from validate.darkness import brightest_in_view, dark_words, white_irradiance
 
-__all__ = ["SATURATED_SHARE", "warn_of_render_noise", "warn_of_saturation"]
+__all__ = ["SATURATED_SHARE", "warn_of_darkness", "warn_of_render_noise", "warn_of_saturation"]
 
 # Of the pixels on a view's markers (0 to 1): one of a marker's few hundred may be saturated, and its centre does not
 # notice.
@@ -30,6 +34,26 @@ def warn_of_render_noise(
             f"the worst is {names[worst]}: {missed[worst]:.2f} of the sensor's noise, asked: {bounds[worst]:g} "
             "(99.9th percentile)"
         )
+
+
+def warn_of_darkness(
+    wanted: Sequence[Acquisition], acquired: Acquired, warn: Callable[[str], None], names: Mapping[str, str]
+) -> None:
+    """Name the views in which even the best lit marker is lost in the noise of a capture, and what helps."""
+    requests = {item.request.key: item.request for item in wanted}
+    dark: dict[str, tuple[float, str]] = {}
+    for key, request in requests.items():
+        look = acquired.appearances.get(state_key(request.state))
+        if look is None:
+            continue
+        views = Views([request.camera], request.state.points_m, request.state.normals, look)
+        [(contrast, white_e, best)] = brightest_in_view(views, request.sensor)
+        if best >= 0 and contrast < LEAST_CONTRAST_OVER_NOISE and white_e < request.sensor.saturation_e:
+            light = float(white_irradiance(views, request.state)[0, best])
+            dark[key] = contrast, dark_words(white_e, contrast, light, request.camera, request.sensor)
+    if dark:
+        worst = min(dark, key=lambda key: dark[key][0])
+        warn(f"{len(dark)} of {len(requests)} views are too dark; the worst is {names[worst]}: {dark[worst][1]}")
 
 
 def warn_of_saturation(

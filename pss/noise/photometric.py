@@ -23,7 +23,7 @@ from pss.noise.covariance import PixelCovariance
 from pss.photometry import Appearance, ImageSensor, electrons_per_radiance
 from pss.views import Views
 
-__all__ = ["BrightnessContrast", "module_sides"]
+__all__ = ["BrightnessContrast", "module_sides", "sides_e"]
 
 Floats = NDArray[np.float64]
 
@@ -78,19 +78,28 @@ class BrightnessContrast:
     def _levels(self, views: Views, appearance: Appearance) -> tuple[Floats, Floats]:
         """e⁻², the squared contrast of an edge and the mean variance of its two sides, (C, N) each."""
         sensors = sensors_of(self.sensor, views)
-        per_radiance = np.array(
-            [electrons_per_radiance(camera, sensor) for camera, sensor in zip(views.cameras, sensors, strict=True)]
-        ).reshape(-1, 1)
-        full_well = np.array([sensor.saturation_e for sensor in sensors]).reshape(-1, 1)
         dark = np.array([sensor.noise_electrons(np.zeros(())) for sensor in sensors], dtype=float).reshape(-1, 1) ** 2
-        collected = per_radiance * views.cos_off_axis**4
-        if appearance.ring_light:
-            collected = collected * np.maximum(views.cos_incidence, 0.0) / views.range_m**2
-        white, black = (
-            np.minimum(collected * np.asarray(radiance), full_well)
-            for radiance in (appearance.white_w_per_m2_sr, appearance.black_w_per_m2_sr)
-        )
+        white, black = sides_e(views, appearance, self.sensor)
         return np.asarray((white - black) ** 2), np.asarray((white + black) / 2 + dark)
+
+
+def sides_e(
+    views: Views, appearance: Appearance, sensor: ImageSensor | Mapping[str, ImageSensor]
+) -> tuple[Floats, Floats]:
+    """Electrons, mean signal of the white and the black modules, (C, N) each; at most what saturates the sensor."""
+    sensors = sensors_of(sensor, views)
+    per_radiance = np.array(
+        [electrons_per_radiance(camera, each) for camera, each in zip(views.cameras, sensors, strict=True)]
+    ).reshape(-1, 1)
+    full_well = np.array([each.saturation_e for each in sensors]).reshape(-1, 1)
+    collected = per_radiance * views.cos_off_axis**4
+    if appearance.ring_light:
+        collected = collected * np.maximum(views.cos_incidence, 0.0) / views.range_m**2
+    white, black = (
+        np.minimum(collected * np.asarray(radiance), full_well)
+        for radiance in (appearance.white_w_per_m2_sr, appearance.black_w_per_m2_sr)
+    )
+    return np.asarray(white), np.asarray(black)
 
 
 class _Moments:

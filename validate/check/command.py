@@ -8,14 +8,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 import tyro
 from rich.table import Table
 
 from pss import RangeError
 from scenes import load_scene
 from scenes.document import named_file, read_toml
-from validate.check.foreseen import Foreseen, camera_rows, foresee, headline, marker_rows, model_rows, warnings_of
+from validate.check.foreseen import Foreseen, camera_rows, foresee, headline, marker_rows, model_rows
+from validate.check.warnings import warnings_of
 from validate.console import Console
+from validate.darkness import light_words
 from validate.own_metrics import OWN_COLUMN, own_metrics
 from validate.program import program_name
 from validate.table_text import table_text
@@ -25,6 +28,7 @@ __all__ = ["main", "run"]
 SCENES = Path(__file__).parents[2] / "scenes"
 DRAWINGS = (".png", ".pdf", ".svg")
 Row = dict[str, object]
+_COUNTS = ("markers_visible", "whole", "too_small", "too_blurred", "too_dark", "likely_found")
 
 
 def run(
@@ -85,6 +89,12 @@ def _show(seen: Foreseen, console: Console) -> None:
         highlight=False,
     )
     console.print(headline(seen), markup=False, highlight=False, soft_wrap=True)
+    seen_light = seen.irradiance_w_per_m2[seen.visible]
+    if len(seen_light):
+        low, high = (
+            light_words(float(value), seen.scene.sensor.wavelength_nm) for value in np.percentile(seen_light, [0, 100])
+        )
+        console.print(f"light on the markers in view: {low} to {high}", highlight=False)
     console.print(_cameras(camera_rows(seen)))
     console.print(_objects(seen))
     console.print(_models(model_rows(seen)))
@@ -92,12 +102,12 @@ def _show(seen: Foreseen, console: Console) -> None:
 
 def _cameras(rows: Sequence[Row]) -> Table:
     table = Table(title="What each camera sees, and what of it will most likely be found")
-    for name in ("camera", "view in deg", "focus in m", "sees", "whole", "too small", "too blurred", "found"):
+    for name in ("camera", "view in deg", "focus in m", "sees", "whole", "small", "blurred", "dark", "found"):
         table.add_column(name, justify="right")
     for name in ("depth in m", "module in px", "blur in px", "white"):
         table.add_column(name, justify="right")
     for row in rows:
-        counts = [str(row[key]) for key in ("markers_visible", "whole", "too_small", "too_blurred", "likely_found")]
+        counts = [str(row[key]) for key in _COUNTS]
         spread = [_range(row, "depth", "m"), _range(row, "module", "px"), _range(row, "blur", "px")]
         white = f"{row['brightest_white_share']:.0%}" if row["markers_visible"] else ""
         table.add_row(

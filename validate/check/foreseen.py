@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,14 +9,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import Evaluation
-from pss.legibility import WholeTarget, blur_modules, narrow_side_px
+from pss.legibility import (
+    LEAST_CONTRAST_OVER_NOISE,
+    WholeTarget,
+    blur_modules,
+    contrast_over_noise,
+    narrow_side_px,
+)
+from pss.noise.photometric import sides_e
 from pss.photometry import electrons_per_radiance
 from pss.views import Views
 from render.exposure import choose_exposure
 from scenes import Scene
 from validate.assess import predict
 from validate.check.estimated_light import estimated_appearance
-from validate.own_metrics import OwnScores, failures_of, own_scores
+from validate.darkness import white_irradiance
+from validate.own_metrics import OwnScores, own_scores
 from validate.table_text import written
 
 __all__ = [
@@ -29,7 +36,6 @@ __all__ = [
     "headline",
     "marker_rows",
     "model_rows",
-    "warnings_of",
 ]
 
 Floats = NDArray[np.float64]
@@ -40,8 +46,6 @@ Row = dict[str, object]
 # either limit 2 % of the markers are found, within both 96 %.
 SMALLEST_MODULE_PX = 2.3
 LARGEST_BLUR_MODULES = 1.15
-# In a warning; all are in the table of markers.
-MOST_NAMED = 12
 # An observable point needs the rays of two cameras.
 ENOUGH = 2
 
@@ -60,6 +64,9 @@ class Foreseen:
         blur_modules: the same over a module's narrow side, with what motion adds.
         depth_m: m along the camera's axis.
         white_share: of the saturation, what the white of the marker reaches on the axis.
+        white_e: electrons of the marker's white, at most what saturates.
+        contrast: of white and black over the noise of one capture (`pss.legibility.contrast_over_noise`).
+        irradiance_w_per_m2: W/m² on the marker, of the light that the camera sees it in.
     """
 
     scene: Scene
@@ -71,6 +78,9 @@ class Foreseen:
     blur_modules: Floats
     depth_m: Floats
     white_share: Floats
+    white_e: Floats
+    contrast: Floats
+    irradiance_w_per_m2: Floats
 
     @property
     def too_small(self) -> Bools:
@@ -83,9 +93,14 @@ class Foreseen:
         return self.whole & ~self.too_small & (self.blur_modules > LARGEST_BLUR_MODULES)
 
     @property
+    def too_dark(self) -> Bools:
+        """(C, N), whole in view, large and sharp enough, but with too little contrast over the noise of a capture."""
+        return self.whole & ~self.too_small & ~self.too_blurred & (self.contrast < LEAST_CONTRAST_OVER_NOISE)
+
+    @property
     def legible(self) -> Bools:
-        """(C, N), whole, large and sharp enough to be found most likely."""
-        return self.whole & ~self.too_small & ~self.too_blurred
+        """(C, N), whole, large, sharp and bright enough to be found most likely."""
+        return self.whole & ~self.too_small & ~self.too_blurred & ~self.too_dark
 
     @cached_property
     def own_scores(self) -> dict[str, OwnScores]:
@@ -124,6 +139,9 @@ def foresee(scene: Scene) -> Foreseen:
         blur_modules(views, scene.sensor),
         views.depth_m,
         (electrons * radiance + scene.sensor.dark_signal_e) / scene.sensor.saturation_e,
+        sides_e(views, look, scene.sensor)[0],
+        contrast_over_noise(views, scene.sensor),
+        white_irradiance(views, state),
     )
 
 
@@ -141,11 +159,14 @@ def camera_rows(seen: Foreseen) -> list[Row]:
                 "whole": int(seen.whole[number].sum()),
                 "too_small": int(seen.too_small[number].sum()),
                 "too_blurred": int(seen.too_blurred[number].sum()),
+                "too_dark": int(seen.too_dark[number].sum()),
                 "likely_found": int(seen.legible[number].sum()),
                 **_spread("depth", "m", seen.depth_m[number][of]),
                 **_spread("module", "px", seen.module_px[number][of]),
                 **_spread("blur", "px", seen.blur_px[number][of]),
                 "brightest_white_share": float(seen.white_share[number][of].max(initial=0.0)),
+                "brightest_white_e": float(seen.white_e[number][of].max(initial=0.0)),
+                **_spread("contrast", "over_noise", seen.contrast[number][of]),
             }
         )
     return rows
@@ -218,50 +239,3 @@ def headline(seen: Foreseen) -> str:
         f"single-frame PSS {written(evaluation.pss_single_frame, 3)} /m, {error} ({seen.shown_model}); "
         f"found by two cameras and more: {found} of {len(seen.scene.state.markers)} markers"
     )
-
-
-def warnings_of(seen: Foreseen) -> list[str]:
-    """What will most likely disappoint, a line each, with what would help."""
-    lines = [*seen.scene.warnings, *failures_of(seen.own_scores.values())]
-    ids = np.array([marker.id for marker in seen.scene.state.markers])
-    sees = seen.visible.sum(axis=1)
-    finds = seen.legible.sum(axis=1)
-    for number, camera in enumerate(seen.scene.cameras):
-        if sees[number] == 0:
-            lines.append(f"camera {camera.name} sees no marker; its aim, zoom or place would have to change")
-        elif finds[number] == 0:
-            small, blurred = seen.too_small[number].sum(), seen.too_blurred[number].sum()
-            why = "too small" if small >= blurred else "too blurred"
-            lines.append(f"camera {camera.name} sees {sees[number]} markers, but will find none: most are {why}")
-        bright = float(seen.white_share[number][seen.visible[number]].max(initial=0.0))
-        if bright > 1:
-            lines.append(
-                f"camera {camera.name}: the white of its brightest marker is {bright:.1f} times the saturation; "
-                'a shorter sensor.exposure_ms, a larger f_number, or exposure_ms = "auto" helps'
-            )
-    views = seen.visible.sum(axis=0)
-    found = seen.legible.sum(axis=0)
-    if (lost := views < ENOUGH).any():
-        lines.append(
-            f"{lost.sum()} of {len(ids)} markers are seen by fewer than two cameras and add nothing to PSS: "
-            f"{_named(ids[lost])}"
-        )
-    if (weak := ~lost & (found < ENOUGH)).any():
-        lines.append(
-            f"{weak.sum()} more are seen by two or more cameras, but found by fewer than two (modules under "
-            f"{SMALLEST_MODULE_PX} px, blur over {LARGEST_BLUR_MODULES} modules, or cut): {_named(ids[weak])}"
-        )
-    return lines
-
-
-def _named(ids: Sequence[int] | NDArray[np.int64]) -> str:
-    """Marker numbers, runs of them as "3–7"; of many the first."""
-    ordered = sorted(int(number) for number in ids)
-    runs: list[list[int]] = []
-    for number in ordered:
-        if runs and number == runs[-1][1] + 1:
-            runs[-1][1] = number
-        else:
-            runs.append([number, number])
-    words = [f"{first}" if first == last else f"{first}–{last}" for first, last in runs]
-    return ", ".join(words[:MOST_NAMED]) + (", …" if len(words) > MOST_NAMED else "")

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pss.legibility import LEAST_CONTRAST_OVER_NOISE
 from validate.errors3d import FEWEST_TRIALS
 from validate.findings.tables import Row
 from validate.optimum import NO_OPTIMUM
@@ -183,11 +184,21 @@ def remarks(table: SweepTable) -> list[str]:
     if seen:
         found.append(
             f"Of {seen} markers whose centre a camera should see (views × markers), {missed} ({missed / seen:.0%}) "
-            "were not found: too small, blurred, oblique, or cut by the image’s edge. The paper’s metric knows nothing "
-            "of "
-            "that.".replace("%", " %")
+            f"were not found: {_causes(missed, table.detection.get('visible_missed_too_dark', 0))}. The paper’s metric "
+            "knows nothing of that.".replace("%", " %")
         )
     return found
+
+
+def _causes(missed: int, too_dark: int) -> str:
+    """Why markers were missed, as far as light tells."""
+    others = "too small, blurred, oblique, or cut by the image’s edge"
+    if too_dark == 0:
+        return others
+    dark = f"too dark, with a contrast below {LEAST_CONTRAST_OVER_NOISE:g} times the noise of a capture"
+    if too_dark == missed:
+        return dark
+    return f"{too_dark} {dark}; the others {others}"
 
 
 def claims(rows: Sequence[Row]) -> list[dict[str, str]]:
