@@ -2,8 +2,8 @@
 
 The paper's points are visible if the camera sees them (section 4.1; `pss.visibility`). A marker is more than its
 centre: it must be in view with its outline, nothing may stand before any part of it, and its modules must be large,
-sharp and bright enough to be told apart. The first two are geometry; the limits of the third belong to a detector: those of
-size and blur are fitted (`Calibration.limits`), that of contrast over noise was measured on drawn markers.
+sharp and bright enough to be told apart. The first two are geometry; the limits of the third belong to a detector.
+Those of size and blur are fitted (`Calibration.limits`), that of contrast over noise was measured on drawn markers.
 """
 
 from __future__ import annotations
