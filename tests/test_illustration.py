@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import re
+import warnings
+from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -12,12 +15,15 @@ from matplotlib.text import Annotation
 
 from pss import Box
 from scenes import load_scene
+from tests.layout_of_words import assert_words_are_legible
 from tests.predicted_result import predicted_result
-from validate.figures import draw_curves, shown_steps, sweep_figure
+from validate.figures import draw_curves, shown_steps, sweep_figure, write_round_numbers
+from validate.glyphs import settle_words
 from validate.illustration import SOLIDS, draw_state
 from validate.projected import Eye, patches_of
 from validate.stars import star_heights
 
+SCENES = Path(__file__).parents[1] / "scenes"
 # px: what rounding to whole pixels may add to an extent.
 ROUNDING_PX = 1.0
 # Levels of 255: a difference that an eye sees.
@@ -167,3 +173,34 @@ def test_stars_do_not_cover_each_other():
         assert not any(box.overlaps(other) for other in boxes[number + 1 :])
         assert axes.get_window_extent().contains(*box.max)
     plt.close(made)
+
+
+@pytest.mark.parametrize("name", ["北側カメラ{}", "north-wall-upper-{}", "{}"])
+def test_words_are_legible_whatever_cameras_are_called(tmp_path, name):
+    """Of a selection, whose steps are called after cameras; without a warning of letters that are missing."""
+    for file in ("room.toml", "sweeps/selection.toml"):
+        text = (SCENES / file).read_text(encoding="utf-8").replace("../room.toml", "room.toml")
+        renamed = re.sub(r'"(\d)"', lambda found: '"' + name.format(found[1]) + '"', text)
+        (tmp_path / Path(file).name).write_text(renamed, encoding="utf-8")
+    result = predicted_result(str(tmp_path / "selection.toml"))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        figure = sweep_figure(result)
+        settle_words(figure)
+        figure.draw_without_rendering()
+    assert_words_are_legible(figure)
+    plt.close(figure)
+
+
+@pytest.mark.parametrize("ends", [(0.21, 0.26), (0.3, 0.45), (0.02, 0.8), (1e-4, 300.0)])
+def test_a_logarithmic_axis_has_a_few_whole_numbers(ends):
+    """Two at the least, however little of a decade it spans; no more than can be read of many decades."""
+    axes = plt.figure(figsize=(5.6, 5.2), layout="constrained").add_subplot(xscale="log")
+    axes.plot(ends, ends)
+    write_round_numbers(axes.xaxis, np.array(ends))
+    axes.figure.draw_without_rendering()
+    texts = [text.get_text() for text in axes.get_xticklabels()]
+    assert 2 <= len(texts) <= 7
+    np.testing.assert_allclose([float(text) for text in texts], axes.get_xticks(), rtol=1e-9)
+    assert_words_are_legible(axes.figure)
+    plt.close(axes.figure)

@@ -8,10 +8,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
 
 from render.view import RenderedView
 from validate.acquire import Acquisition
 from validate.detect import SEARCHES, find_markers
+from validate.glyphs import glyph_runs
 from validate.store import Store, atomic_path
 from validate.stored_views import stored_view
 from validate.sweep import SweepResult
@@ -20,7 +22,8 @@ __all__ = ["contact_sheet", "displayed"]
 
 THUMBNAIL_PX = 420
 MOST_COLUMNS, MOST_ROWS = 4, 3
-GREEN, WHITE = (80, 220, 60), (255, 255, 255)
+GREEN, WHITE, BLACK = (80, 220, 60), (255, 255, 255), (0, 0, 0)
+CAPTION_PX, LETTERS_PX = 18, 12
 
 
 def displayed(capture_dn: NDArray[np.uint16], black_level_dn: int) -> NDArray[np.uint8]:
@@ -76,7 +79,17 @@ def _thumbnail(item: Acquisition, view: RenderedView, caption: str) -> NDArray[n
     for corners in found.corners_px:
         outline = np.rint((corners + 0.5) * scale - 0.5).astype(np.int32)
         cv2.polylines(small, [outline], True, GREEN, 1, cv2.LINE_AA)
-    cv2.rectangle(small, (0, 0), (small.shape[1], 18), (0, 0, 0), -1)
-    text = f"{caption}: {len(found.ids)} found"
-    cv2.putText(small, text, (5, 13), cv2.FONT_HERSHEY_SIMPLEX, 0.42, WHITE, 1, cv2.LINE_AA)
-    return np.asarray(small)
+    return _captioned(np.asarray(small), f"{caption}: {len(found.ids)} found")
+
+
+def _captioned(picture: NDArray[np.uint8], words: str) -> NDArray[np.uint8]:
+    """A picture with words in white over its dark top edge, in whatever script they are."""
+    image = Image.fromarray(picture)
+    draw = ImageDraw.Draw(image)
+    draw.rectangle((0, 0, image.width, CAPTION_PX), fill=BLACK)
+    x = 5.0
+    for file, part in glyph_runs(words):
+        font = ImageFont.truetype(str(file), LETTERS_PX)
+        draw.text((x, CAPTION_PX / 2), part, WHITE, font, anchor="lm")
+        x += font.getlength(part)
+    return np.asarray(image)

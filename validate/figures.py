@@ -5,21 +5,26 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from pathlib import Path
+from textwrap import fill
 
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.colors import BoundaryNorm
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter
+from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 from pss.json_text import json_text
 from validate.contact_sheet import contact_sheet
 from validate.drawing import plt
 from validate.file_names import FIGURES, figure_file
+from validate.glyphs import settle_words
 from validate.illustration import colour_scale, draw_configuration, shared_colours
 from validate.intervals import interval
+from validate.log_ticks import round_numbers
+from validate.names_beside import shortened, width_of
 from validate.optimum import optimum
 from validate.slopes import Slopes, slopes_of
 from validate.stars import star_heights
@@ -27,7 +32,16 @@ from validate.store import Store, atomic_path
 from validate.sweep import SweepResult
 from validate.table_text import written
 
-__all__ = ["all_drawn", "draw_all", "draw_curves", "points_figure", "shown_steps", "source_of", "sweep_figure"]
+__all__ = [
+    "all_drawn",
+    "draw_all",
+    "draw_curves",
+    "points_figure",
+    "shown_steps",
+    "source_of",
+    "sweep_figure",
+    "write_round_numbers",
+]
 
 Floats = NDArray[np.float64]
 
@@ -48,8 +62,13 @@ AXIS_NAMES = {
     "cameras": "number of cameras",
 }
 DPI = 130
+MOST_TICKS, WIDER = 7, 1.1
+# Characters of a title's line, of a label, and of all labels of an axis that stand level.
+TITLE_WIDTH, LONGEST_LABEL, LEVEL_WIDTH = 90, 26, 50
 # Room over the highest star.
 ABOVE_OPTIMUM = 1.08
+# Modules whose code makes the figures what they are.
+DRAWN_BY = ("figures", "illustration", "projected", "names_beside", "stars", "glyphs", "log_ticks", "contact_sheet")
 # Tables that no figure shows and that differ from run to run.
 NOT_SHOWN = ("timings.csv",)
 
@@ -63,7 +82,7 @@ def source_of(folder: Path, results: Sequence[SweepResult]) -> str:
     for result in results:
         said = [result.plan.sweep.resolved(), result.plan.scene.resolved()]
         digest.update(json_text(said, sort_keys=True).encode())
-    for module in ("figures", "illustration", "projected", "names_beside", "stars", "contact_sheet"):
+    for module in DRAWN_BY:
         digest.update((Path(__file__).parent / f"{module}.py").read_bytes())
     return digest.hexdigest()[:24]
 
@@ -83,6 +102,7 @@ def draw_all(folder: Path, results: Sequence[SweepResult], store: Store) -> list
         name = result.plan.sweep.name
         curves, points, captures = (folder / "figures" / figure_file(name, suffix) for suffix in FIGURES)
         for path, figure in ((curves, sweep_figure(result)), (points, points_figure(result))):
+            settle_words(figure)
             with atomic_path(path) as temporary:
                 figure.savefig(temporary, dpi=DPI, format="png")
             plt.close(figure)
@@ -94,7 +114,7 @@ def draw_all(folder: Path, results: Sequence[SweepResult], store: Store) -> list
 def sweep_figure(result: SweepResult) -> Figure:
     """The best and the worst configuration in space above, predicted and measured PSS over the steps below."""
     figure = plt.figure(figsize=(12, 10), layout="constrained")
-    figure.suptitle(result.plan.sweep.title, fontsize=15)
+    figure.suptitle(fill(result.plan.sweep.title, TITLE_WIDTH), fontsize=15)
     grid = figure.add_gridspec(2, 2, height_ratios=[1.05, 1])
     shown = shown_steps(result)
     norm = shared_colours(result, list(shown))
@@ -133,7 +153,7 @@ def shown_steps(result: SweepResult) -> dict[int, str]:
 def _title(result: SweepResult, step: int) -> str:
     measured = result.measured_pss(True)[step]
     predicted = result.predicted_pss(result.noise_models[-1], True)[step]
-    label = result.configurations[step].label
+    label = shortened(result.configurations[step].label, 2 * LONGEST_LABEL)
     return f"{label}\nPSS of C: measured {written(measured, 3)} /m, predicted {written(predicted, 3)} /m"
 
 
@@ -162,7 +182,9 @@ def draw_curves(axes: Axes, result: SweepResult, single_frame: bool) -> None:
     kind = "single frame: C against triangulation" if single_frame else "filter: P∞ against tracking"
     axes.set_title(f"{kind} (★ optimum)", fontsize=11)
     if selection:
-        axes.set_xticks(x, labels)
+        turned = sum(width_of(label) for label in labels) > LEVEL_WIDTH
+        style = {"rotation": 25, "ha": "right", "rotation_mode": "anchor"} if turned else {}
+        axes.set_xticks(x, [shortened(label, LONGEST_LABEL) for label in labels], **style)
     top = max((height for height in heights if height is not None), default=1.0)
     axes.set_ylim(bottom=0, top=max(top * ABOVE_OPTIMUM, axes.get_ylim()[1]))
     axes.grid(alpha=0.3)
@@ -182,12 +204,19 @@ def _slopes(axes: Axes, result: SweepResult, found: Slopes) -> None:
     axes.set_xlabel(AXIS_NAMES.get(result.configurations[0].parameter, result.configurations[0].parameter))
     axes.set_title(f"single-frame RMS, {found.points} points common to all steps", fontsize=11)
     axes.set_xticks(x, [f"{value:g}" for value in x])
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_minor_formatter(NullFormatter())
-    axes.yaxis.set_major_locator(LogLocator(subs=(1, 1.5, 2, 3, 5, 7)))
-    axes.yaxis.set_major_formatter("{x:g}")
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    write_round_numbers(axes.yaxis, np.array(axes.get_ylim()))
     axes.grid(alpha=0.3, which="both", lw=0.4)
     axes.legend(fontsize=8)
+
+
+def write_round_numbers(axis: Axis, values: Floats) -> None:
+    """Give a logarithmic axis ticks with their whole numbers, for the range of some values, two at the least."""
+    low, high = float(values.min()), float(values.max())
+    while len(ticks := round_numbers(low, high, MOST_TICKS)) < 2:
+        low, high = low / WIDER, high * WIDER
+    axis.set_ticks(ticks, labels=[f"{tick:g}" for tick in ticks])
+    axis.set_minor_formatter(NullFormatter())
 
 
 def _curve(axes: Axes, x: Floats, pss: Floats, colour: str, style: str, name: str) -> float | None:
@@ -205,7 +234,8 @@ def points_figure(result: SweepResult) -> Figure:
     """Predicted against measured RMS of every point of every configuration, a panel for each noise model."""
     models = result.noise_models
     figure, panels = plt.subplots(1, len(models), figsize=(5.6 * len(models), 5.2), layout="constrained", squeeze=False)
-    figure.suptitle(f"{result.plan.sweep.title}: single-frame error of each point", fontsize=13)
+    title = f"{result.plan.sweep.title}: single-frame error of each point"
+    figure.suptitle(fill(title, int(TITLE_WIDTH * len(models) / 3)), fontsize=13)
     views = np.concatenate([next(iter(a.predicted.values())).visible.sum(axis=0) for a in result.assessments])
     measured = np.concatenate([a.measured.errors.rms_m for a in result.assessments]) * 1000
     most = int(views.max(initial=2))
@@ -222,10 +252,8 @@ def points_figure(result: SweepResult) -> Figure:
         )
         axes.set(xscale="log", yscale="log")
         axes.grid(alpha=0.3, which="both", lw=0.4)
-        for axis in (axes.xaxis, axes.yaxis):
-            axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-            axis.set_major_formatter("{x:g}")
-            axis.set_minor_formatter(NullFormatter())
+        for axis, values in ((axes.xaxis, predicted[known]), (axes.yaxis, measured[known])):
+            write_round_numbers(axis, values)
         ends = np.array([predicted[known].min(), predicted[known].max()])
         ratio = np.median(measured[known] / predicted[known])
         axes.plot(ends, ends * ratio, color="0.4", lw=1, label=f"measured = {ratio:.3g} × predicted (median)")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import unicodedata
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -15,7 +16,7 @@ from matplotlib.text import Annotation, Text
 from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
-__all__ = ["Name", "grouped", "names_beside", "shortened"]
+__all__ = ["Name", "grouped", "names_beside", "shortened", "width_of"]
 
 Floats = NDArray[np.float64]
 
@@ -28,8 +29,8 @@ LEADER_FROM = 0.5
 GAP_PX = 1.0
 # What costs more is avoided first: a name's way out, its turn away from where it is best, and what lies under it.
 FARTHER, TURNED, UNDER = 1.0, 0.35, 4.0
-# Characters of a name in a drawing, and names that share a place.
-LONGEST, MOST_TOGETHER = 14, 3
+# Characters of a name in a drawing, and of names that share a place.
+LONGEST, LONGEST_TOGETHER = 14, 14
 
 
 @dataclass(frozen=True)
@@ -43,11 +44,25 @@ class Name:
 
 
 def shortened(name: str, longest: int = LONGEST) -> str:
-    """A name of at most so many characters: of a longer one both ends, since numbers stand at the end."""
-    if len(name) <= longest:
+    """A name of at most so many characters, of which one of a wide script counts two.
+
+    Of a longer name both ends are kept, since numbers stand at the end.
+    """
+    if width_of(name) <= longest:
         return name
-    end = longest // 2
-    return f"{name[: longest - end - 1]}…{name[-end:]}"
+    before, after = name, ""
+    while width_of(before) > (longest - 1) // 2:
+        before = before[:-1]
+    for sign in reversed(name):
+        if width_of(before + "…" + sign + after) > longest:
+            break
+        after = sign + after
+    return f"{before}…{after}"
+
+
+def width_of(words: str) -> int:
+    """How wide a text is, in characters, of which one of a wide script counts two."""
+    return sum(2 if unicodedata.east_asian_width(sign) in "WF" else 1 for sign in words)
 
 
 def grouped(names: Sequence[Name], within: float, mixed: str) -> list[Name]:
@@ -61,24 +76,37 @@ def grouped(names: Sequence[Name], within: float, mixed: str) -> list[Name]:
             home.append(name)
     found = []
     for group in groups:
-        text = ", ".join(shortened(name.text) for name in group[:MOST_TOGETHER])
-        if len(group) > MOST_TOGETHER:
-            text += f" + {len(group) - MOST_TOGETHER}"
+        text = _together([name.text for name in group])
         towards = np.mean([name.towards for name in group], axis=0)
         colour = group[0].colour if len(group) == 1 else mixed
         found.append(Name(text, group[0].place, colour, (float(towards[0]), float(towards[1]))))
     return found
 
 
+def _together(names: Sequence[str]) -> str:
+    """As many of some names as are short together, and the number of the others."""
+    shown = [shortened(names[0])]
+    while len(shown) < len(names) and width_of(", ".join((*shown, shortened(names[len(shown)])))) <= LONGEST_TOGETHER:
+        shown.append(shortened(names[len(shown)]))
+    rest = len(names) - len(shown)
+    return ", ".join(shown) + (f" + {rest}" if rest else "")
+
+
 def names_beside(
-    axes: Axes, names: Sequence[Name], size_pt: float, sign_pt: float, under: Sequence[tuple[float, float]] = ()
+    axes: Axes,
+    names: Sequence[Name],
+    size_pt: float,
+    sign_pt: float,
+    under: Floats | None = None,
+    sign_data: float = 0.0,
 ) -> list[Annotation]:
     """Write names beside their signs within the axes; those for which there is no room are not drawn.
 
     Args:
         size_pt: of the letters, points.
         sign_pt: radius of the signs, points, which no name covers.
-        under: places in the axes' data that names had better not cover.
+        under: (M, 2), places in the axes' data that names had better not cover.
+        sign_data: what is added to the radius, in the axes' data.
     """
     halo = [withStroke(linewidth=2.5, foreground="white")]
     texts = []
@@ -91,7 +119,7 @@ def names_beside(
         )  # fmt: skip
         text.set_in_layout(False)
         texts.append(text)
-    axes.add_artist(_Places(names, texts, sign_pt, under))
+    axes.add_artist(_Places(names, texts, sign_pt, sign_data, np.zeros((0, 2)) if under is None else under))
     return texts
 
 
@@ -99,12 +127,13 @@ class _Places(Artist):
     """Draws nothing: when its axes are drawn it comes first, and finds the places of their names."""
 
     def __init__(
-        self, names: Sequence[Name], texts: Sequence[Annotation], sign_pt: float, under: Sequence[tuple[float, float]]
+        self, names: Sequence[Name], texts: Sequence[Annotation], sign_pt: float, sign_data: float, under: Floats
     ) -> None:
         super().__init__()
         self.set_zorder(-math.inf)
         self.set_in_layout(False)
-        self.names, self.texts, self.sign_pt, self.under = names, texts, sign_pt, under
+        self.names, self.texts, self.under = names, texts, under
+        self.sign_pt, self.sign_data = sign_pt, sign_data
 
     def draw(self, renderer: RendererBase) -> None:
         """Move the texts to where they find room, those with the most signs around them first."""
@@ -114,8 +143,9 @@ class _Places(Artist):
         dpi = axes.get_figure(root=True).dpi  # type: ignore[union-attr]
         to_px = axes.transData.transform
         signs = to_px(np.array([name.place for name in self.names]))
-        under = to_px(np.array(self.under)) if len(self.under) else np.zeros((0, 2))
-        radius = self.sign_pt * dpi / 72
+        under = to_px(self.under)
+        across = to_px(np.array([(0.0, 0.0), (1.0, 0.0)]))
+        radius = self.sign_pt * dpi / 72 + self.sign_data * float(np.linalg.norm(across[1] - across[0]))
         sizes = [_size_px(text, renderer) for text in self.texts]
         within = axes.get_window_extent(renderer)
         apart = np.linalg.norm(signs[:, None] - signs, axis=-1)

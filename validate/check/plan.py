@@ -9,11 +9,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import LogNorm
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Polygon
 from matplotlib.patches import Rectangle as Outline
-from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
@@ -22,10 +21,12 @@ from pss.surrogates import Mesh
 from render.geometry import plate_corners
 from render.state import SceneObject
 from scenes.dictionaries import DICTIONARIES
+from validate.check.camera_table import MOST_BESIDE, camera_colour, draw_below, draw_beside, height_below_in
 from validate.check.foreseen import ENOUGH, Foreseen, headline
-from validate.figures import MODEL_COLOURS
+from validate.glyphs import settle_words
 from validate.hallway.wedge import footprint_m
 from validate.illustration import COLOUR_MAP, colour_scale
+from validate.names_beside import Name, grouped, names_beside, width_of
 from validate.store import atomic_path
 
 __all__ = ["plan_figure", "write_plan"]
@@ -33,13 +34,20 @@ __all__ = ["plan_figure", "write_plan"]
 Floats = NDArray[np.float64]
 
 DPI = 150
-WIDTH_IN = 12.0
+WIDTH_IN, HEIGHT_IN = 12.0, 9.0
 # What goes across and up a drawing: 0, 1, 2 for x, y, z.
 VIEWS = {"plan": (0, 1), "front": (0, 2), "side": (1, 2)}
 TITLES = {"plan": "plan", "front": "elevation over x, see-through", "side": "elevation over y, see-through"}
-# Of the room's smaller side: how far a camera's number stands off.
+# Of the room's smaller side: a camera's sign; and in signs, the room around the drawing.
 OFF = 0.035
+MARGIN = 3.2
 UNSEEN = "#D00000"
+NAME_PT, SMALL_NAME_PT = 11.0, 8.0
+# Of a sign's size: cameras nearer to each other than this share their name's place.
+TOGETHER = 0.3
+# Characters of a name that elevations have too.
+LONGEST_TWICE = 8
+FRAME_PLACES = 60
 FILL, EDGE = "0.93", "0.55"
 # Of a flat shape seen from its edge there is no hull; it is drawn as thick as this.
 THIN_M = 1e-6
@@ -55,7 +63,14 @@ def write_plan(path: Path, seen: Foreseen) -> None:
 def plan_figure(seen: Foreseen) -> Figure:
     """Plan with fields of view at the markers' height, two elevations, and a table of the cameras."""
     room = seen.scene.state.room
-    figure = Figure(figsize=(WIDTH_IN, 9.0), layout="constrained")
+    more_in = height_below_in(len(seen.scene.cameras))
+    whole = Figure(figsize=(WIDTH_IN, HEIGHT_IN + more_in), layout="constrained")
+    figure: Figure | SubFigure = whole
+    if more_in:
+        figure, table = whole.subfigures(2, 1, height_ratios=[HEIGHT_IN, more_in])
+        rows = table.add_subplot()
+        rows.set_axis_off()
+        draw_below(rows, seen)
     title = f"{seen.scene.path.name}: {headline(seen)}".replace("; ", "\n")
     figure.suptitle(title, fontsize=13, parse_math=False)
     sides = (max(room.width_m, room.length_m), room.length_m, room.height_m)
@@ -75,7 +90,8 @@ def plan_figure(seen: Foreseen) -> Figure:
     bar = colour_scale(figure, list(axes.values()), norm, shrink=0.6, aspect=35, pad=0.01)
     bar.set_label(f"predicted √λmax of C in mm ({seen.shown_model}); × : unobservable")
     bar.ax.tick_params(which="minor", labelsize=7)
-    return figure
+    settle_words(whole)
+    return whole
 
 
 def _sigma_mm(seen: Foreseen) -> Floats:
@@ -92,9 +108,7 @@ def _norm(seen: Foreseen) -> LogNorm:
 
 def _draw(axes: Axes, seen: Foreseen, name: str, norm: LogNorm) -> None:
     state, (across, up) = seen.scene.state, VIEWS[name]
-    room = state.room
-    low = np.array([-room.width_m / 2, -room.length_m / 2, 0.0])
-    high = np.array([room.width_m / 2, room.length_m / 2, room.height_m])
+    low, high = _ends(seen)
     size = high - low
     axes.add_patch(
         Outline((low[across], low[up]), size[across], size[up], facecolor="none", edgecolor="0.2", lw=1.5, zorder=5)
@@ -106,22 +120,21 @@ def _draw(axes: Axes, seen: Foreseen, name: str, norm: LogNorm) -> None:
     for item in sorted(state.objects, key=lambda item: _top_m(item)):
         _object(axes, item, (across, up))
     for number, camera in enumerate(seen.scene.cameras):
-        _camera(axes, seen, camera, _colour(number), name)
+        _camera(axes, seen, camera, camera_colour(number), name)
     _markers(axes, seen, (across, up), norm)
-    margin = 2.6 * _unit_m(seen)
+    margin = MARGIN * _unit_m(seen) * _crowd(seen) ** -0.5
     axes.set(xlim=(low[across] - margin, high[across] + margin), ylim=(low[up] - margin, high[up] + margin))
     axes.set_aspect("equal")
-    _numbers(axes, seen, (across, up))
+    for axis, side in ((axes.xaxis, across), (axes.yaxis, up)):
+        places = axis.get_majorticklocs()
+        axis.set_ticks(places[(places >= low[side] - THIN_M) & (places <= high[side] + THIN_M)])
+    _names(axes, seen, (across, up))
     axes.set_title(TITLES[name], fontsize=10)
     axes.spines[:].set_visible(False)
     axes.set_xlabel(f"{'xyz'[across]} in m")
     axes.set_ylabel(f"{'xyz'[up]} in m")
     axes.grid(alpha=0.25, lw=0.5)
     axes.set_axisbelow(True)
-
-
-def _colour(number: int) -> str:
-    return MODEL_COLOURS[number % len(MODEL_COLOURS)]
 
 
 def _top_m(item: SceneObject) -> float:
@@ -165,16 +178,17 @@ def _object(axes: Axes, item: SceneObject, plane: tuple[int, int]) -> None:
 def _camera(axes: Axes, seen: Foreseen, camera: PTZCamera, colour: str, name: str) -> None:
     room, plane = seen.scene.state.room, list(VIEWS[name])
     position = np.array(camera.position_m)
-    ahead = camera.rotation[2]
+    ahead, pale = camera.rotation[2], _crowd(seen)
     if name == "plan":
         height = float(np.median(seen.scene.state.points_m[:, 2]))
         field = footprint_m(camera, room, height)
         if len(field):
-            axes.add_patch(Polygon(field, facecolor=colour, alpha=0.07, edgecolor="none", zorder=1))
-            axes.add_patch(Polygon(field, facecolor="none", edgecolor=colour, alpha=0.7, lw=0.9, zorder=3))
+            axes.add_patch(Polygon(field, facecolor=colour, alpha=0.07 * pale, edgecolor="none", zorder=1))
+            axes.add_patch(Polygon(field, facecolor="none", edgecolor=colour, alpha=0.7 * pale, lw=0.9, zorder=3))
     focus = position + ahead * camera.focus_distance_m
-    axes.plot(*np.array([position, focus])[:, plane].T, color=colour, lw=0.9, ls=(0, (4, 3)), zorder=4)
-    axes.plot(*focus[plane], marker="|" if name == "plan" else "x", color=colour, ms=5, zorder=4)
+    line = {"color": colour, "alpha": pale**0.5, "zorder": 4}
+    axes.plot(*np.array([position, focus])[:, plane].T, lw=0.9, ls=(0, (4, 3)), **line)
+    axes.plot(*focus[plane], marker="|" if name == "plan" else "x", ms=5, **line)
     # The tip of the symbol points where the camera looks.
     forward = _forward(camera, plane)
     unit, here = _unit_m(seen), position[plane]
@@ -187,7 +201,12 @@ def _camera(axes: Axes, seen: Foreseen, camera: PTZCamera, colour: str, name: st
 def _unit_m(seen: Foreseen) -> float:
     """Metres, by which the symbols are measured."""
     room = seen.scene.state.room
-    return OFF * min(room.width_m, room.length_m, 2 * room.height_m)
+    return OFF * min(room.width_m, room.length_m, 2 * room.height_m) * _crowd(seen) ** 0.5
+
+
+def _crowd(seen: Foreseen) -> float:
+    """From 1, of few cameras, towards 0: signs of more are smaller and their fields of view paler."""
+    return min(1.0, MOST_BESIDE / len(seen.scene.cameras))
 
 
 def _forward(camera: PTZCamera, plane: list[int]) -> Floats:
@@ -197,19 +216,42 @@ def _forward(camera: PTZCamera, plane: list[int]) -> Floats:
     return np.asarray(flat / length) if length > THIN_M else np.array([0.0, -1.0])
 
 
-def _numbers(axes: Axes, seen: Foreseen, plane: tuple[int, int]) -> None:
-    """The cameras' names behind them; those that lie behind each other share a place."""
-    places: dict[tuple[float, ...], list[int]] = {}
+def _names(axes: Axes, seen: Foreseen, plane: tuple[int, int]) -> None:
+    """The cameras' names, best behind them; those that lie behind each other share a place.
+
+    Of many cameras, or long names, the plan alone has them: in the elevations they would cover the markers.
+    """
+    if _named_once(seen) and plane != VIEWS["plan"]:
+        return
+    names = []
     for number, camera in enumerate(seen.scene.cameras):
-        places.setdefault(tuple(np.round(np.array(camera.position_m)[list(plane)], 2)), []).append(number)
-    for place, numbers in places.items():
-        forward = np.mean([_forward(seen.scene.cameras[number], list(plane)) for number in numbers], axis=0)
-        x, y = np.array(place) - 1.75 * _unit_m(seen) * forward
-        names = ", ".join(seen.scene.cameras[number].name for number in numbers)
-        stroke = [withStroke(linewidth=2.5, foreground="white")]
-        colour = _colour(numbers[0]) if len(numbers) == 1 else "0.25"
-        said = {"color": colour, "weight": "bold", "ha": "center", "va": "center"}
-        axes.text(x, y, names, fontsize=11, clip_on=False, zorder=8, path_effects=stroke, **said)
+        place, forward = np.array(camera.position_m)[list(plane)], _forward(camera, list(plane))
+        behind = (-float(forward[0]), -float(forward[1]))
+        names.append(Name(camera.name, (float(place[0]), float(place[1])), camera_colour(number), behind))
+    size_pt = NAME_PT if len(names) <= MOST_BESIDE else SMALL_NAME_PT
+    under = np.concatenate([_frame(seen, plane), seen.scene.state.points_m[:, plane]])
+    names_beside(axes, grouped(names, TOGETHER * _unit_m(seen), "0.25"), size_pt, 1.0, under, 0.8 * _unit_m(seen))
+
+
+def _named_once(seen: Foreseen) -> bool:
+    cameras = seen.scene.cameras
+    return len(cameras) > MOST_BESIDE or max(width_of(camera.name) for camera in cameras) > LONGEST_TWICE
+
+
+def _frame(seen: Foreseen, plane: tuple[int, int]) -> Floats:
+    """Places along the walls, (M, 2), as close as letters are large."""
+    low, high = _ends(seen)
+    (left, bottom), (right, top) = low[list(plane)], high[list(plane)]
+    along = np.arange(0, 1, 1 / FRAME_PLACES)
+    x, y = left + along * (right - left), bottom + along * (top - bottom)
+    sides = [(x, bottom + 0 * x), (x, top + 0 * x), (left + 0 * y, y), (right + 0 * y, y)]
+    return np.concatenate([np.column_stack(side) for side in sides])
+
+
+def _ends(seen: Foreseen) -> tuple[Floats, Floats]:
+    room = seen.scene.state.room
+    half = np.array([room.width_m / 2, room.length_m / 2])
+    return np.array([*-half, 0.0]), np.array([*half, room.height_m])
 
 
 def _markers(axes: Axes, seen: Foreseen, plane: tuple[int, int], norm: LogNorm) -> None:
@@ -232,30 +274,10 @@ def _markers(axes: Axes, seen: Foreseen, plane: tuple[int, int], norm: LogNorm) 
 
 
 def _key(axes: Axes, seen: Foreseen) -> None:
-    """A line for each camera, and what the signs mean."""
+    """What the signs mean, under the table of the cameras if it is here."""
     axes.set_axis_off()
-    head = ("camera", "view", "focus", "sees", "finds", "module", "blur")
-    unit = ("", "deg", "m", "markers", "most likely", "px", "px")
-    rows = [head, unit]
-    for number, camera in enumerate(seen.scene.cameras):
-        of = seen.visible[number]
-        middle = [
-            f"{np.median(values[number][of]):.1f}" if of.any() else "–" for values in (seen.module_px, seen.blur_px)
-        ]
-        rows.append(
-            (
-                camera.name, f"{camera.horizontal_fov_deg:.0f}", f"{camera.focus_distance_m:g}",
-                f"{of.sum()}", f"{seen.legible[number].sum()}", *middle,
-            )
-        )  # fmt: skip
-    right = np.array([0.16, 0.27, 0.40, 0.55, 0.72, 0.87, 1.0])
-    step = min(0.055, 0.72 / len(rows))
-    for line, row in enumerate(rows):
-        for column, (x, word) in enumerate(zip(right, row, strict=True)):
-            style = {"color": "0.45", "fontsize": 8} if line < 2 else {"fontsize": 10}
-            if line >= 2 and column == 0:
-                style |= {"color": _colour(line - 2), "weight": "bold"}
-            axes.text(x, 1 - step * line, word, ha="right", va="top", transform=axes.transAxes, **style)
+    beside = len(seen.scene.cameras) <= MOST_BESIDE
+    below = draw_beside(axes, seen) if beside else 1.0
     handles = [
         Line2D(
             [], [], marker="x", color=UNSEEN, ls="", ms=6, mew=1.5, label=f"marker that fewer than {ENOUGH} cameras see"
@@ -264,5 +286,6 @@ def _key(axes: Axes, seen: Foreseen) -> None:
         Line2D([], [], color="0.3", ls=(0, (4, 3)), lw=0.9, label="axis of a camera, up to its focus"),
         Patch(facecolor=(0, 0.45, 0.7, 0.1), edgecolor="#0072B2", label="field of view at the markers' median height"),
     ]
-    below = 1 - step * (len(rows) + 0.5)
+    if _named_once(seen):
+        handles.append(Line2D([], [], ls="", label="names: in the plan, where there is room, and the table"))
     axes.legend(handles=handles, loc="upper right", bbox_to_anchor=(1, below), fontsize=9, frameon=False)

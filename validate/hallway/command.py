@@ -222,9 +222,11 @@ def _run_of(runs: Sequence[Run], strategy: str) -> int | None:
 def _draw(folder: Path, result: ScheduleResult) -> None:
     # Imported late: slow, and a dry run draws nothing.
     from validate.drawing import plt
+    from validate.glyphs import settle_words
     from validate.hallway.figure import schedule_figure
 
     figure = schedule_figure(result)
+    settle_words(figure)
     with atomic_path(folder / "figures" / f"{result.held.design.schedule.name}.png") as temporary:
         figure.savefig(temporary, dpi=130, format="png")
     plt.close(figure)

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from pss import PTZCamera, RangeError, ShapeError
 from render.state import Room
 from validate.figures import MEASURED, MODEL_COLOURS
+from validate.glyphs import settle_words
 from validate.hallway.wedge import footprint_m, wedge_m
 
 __all__ = ["PICTURE_PX", "FilmFrame", "draw_frame"]
@@ -118,6 +119,7 @@ def draw_frame(frame: FilmFrame, room: Room, strategy: str, walked_m: Mapping[st
     left = width - MARGIN_PX - PLAN_PX[0]
     _draw_plan(_axes(figure, left, HEADER_PX, *PLAN_PX), frame, room, colours, walked_m or {})
     _draw_legend(_axes(figure, left, HEADER_PX + PLAN_PX[1], PLAN_PX[0], VIEWS_PX[1] - PLAN_PX[1]))
+    settle_words(figure)
     canvas.draw()
     return np.asarray(canvas.buffer_rgba())[..., :3].copy()
 

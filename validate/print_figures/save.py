@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure, SubFigure
 
+from validate.glyphs import settle_words
 from validate.illustration import colour_scale
 from validate.store import atomic_path
 
@@ -44,6 +45,7 @@ def print_style() -> Iterator[None]:
 
 def save(figure: Figure, folder: Path, name: str) -> list[Path]:
     """Write NAME.pdf and NAME.svg into `folder`, without the date of writing; their paths."""
+    settle_words(figure)
     paths = [folder / f"{name}.{kind}" for kind in FORMATS]
     for path, date in zip(paths, ("CreationDate", "Date"), strict=True):
         with atomic_path(path) as temporary:
