@@ -17,10 +17,9 @@ __all__ = ["Spread", "spread_over"]
 
 Floats = NDArray[np.float64]
 
-# Places that are tried, for each marker that is asked for and at the least; then four times as many, once.
-TRIES_PER_MARKER = 24
-FEWEST_TRIES = 400
-MOST_TRIES = 4000
+# Places that are tried, until there is room for all markers: as many whatever the number of markers, so that as many as
+# a message allows do fit.
+TRIES = (576, 2304, 4000)
 
 
 @dataclass(frozen=True)
@@ -56,7 +55,7 @@ def spread_over(
     each next marker is the one farthest from all before it, as long as that is `min_distance_m` or more.
     """
     found = Spread((), 0, 0)
-    for tries in (min(MOST_TRIES, factor * max(FEWEST_TRIES, TRIES_PER_MARKER * count)) for factor in (1, 4)):
+    for tries in TRIES:
         candidates = on_mesh(mesh, tries, "poisson-disc", rng=np.random.default_rng(seed))
         plates = [
             plate

@@ -16,6 +16,7 @@ from render.view import state_key
 from scenes import SceneError, load_scene
 from scenes.layout import PLATE_OFFSET_M, plate_corners_m
 from scenes.mesh_file import holds, posed
+from scenes.spread import spread_over
 
 FOLDER = Path(scenes.mesh_file.__file__).parent
 ROOM = (FOLDER / "room.toml").read_text()
@@ -263,13 +264,31 @@ def test_markers_keep_clear_of_other_objects_and_of_the_room(tmp_path):
 
 
 def test_the_number_that_is_said_to_fit_fits(tmp_path, monkeypatch):
-    monkeypatch.setattr(scenes.spread, "MOST_TRIES", 1000)  # for the sake of time
+    monkeypatch.setattr(scenes.spread, "TRIES", (400, 1000))  # for the sake of time
     text = LARGER + CRATE + SPREAD.replace("count = 20", "count = 120").replace("0.12", "0.2")
     (problem,) = refused(tmp_path, None, text)
     fits = int(re.search(r"markers\.count = 120; allowed: at most (\d+), as no more fit", problem).group(1))
     # A crate's five free faces of 0.6 m hold nine markers 0.2 m apart each, even if they are put there in rows.
     assert 5 * 4 <= fits <= 5 * 16
     assert len(load(tmp_path, None, text.replace("count = 120", f"count = {fits}")).state.markers) == 84 + fits
+
+
+@pytest.mark.parametrize("distance_m", [0.23, 0.26, 0.33])
+def test_as_many_markers_as_are_said_to_fit_do_whatever_was_asked_for(distance_m, monkeypatch):
+    """The limit is one number: each larger count gets it, and it is kept."""
+    monkeypatch.setattr(scenes.spread, "TRIES", (40, 160))  # for the sake of time
+    body = crate()
+    mesh = Mesh("crate", np.array(body.vertices), np.array(body.faces))
+
+    def fitting(count: int) -> int:
+        sizes = {"module_mm": 8.0, "side_m": 0.064, "min_distance_m": distance_m, "flatness_m": 0.001}
+        return len(spread_over(mesh, (), (4.0, 4.0, 3.0), count=count, first_id=0, seed=3, **sizes).markers)
+
+    limit = fitting(120)
+    assert 5 < limit < 120
+    assert {count: fitting(count) for count in (limit, limit + 1, limit + 5)} == dict.fromkeys(
+        (limit, limit + 1, limit + 5), limit
+    )
 
 
 @pytest.mark.parametrize(
