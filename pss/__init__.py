@@ -14,10 +14,11 @@ from pss.metric_table import Metric
 from pss.metrics import METRICS
 from pss.noise import NOISE_MODELS, NoiseModel, noise_model
 from pss.own_process import LinearProcess, NonlinearProcess, PerPoint
+from pss.own_sensor import FunctionSensor
 from pss.photometry import Appearance, ImageSensor
 from pss.process import ConstantAcceleration, ConstantVelocity, RandomWalk
 from pss.riccati import steady_state_covariance
-from pss.sensors import Bearing, DepthCamera, FunctionSensor, PositionFix, RangeBeacon
+from pss.sensors import Bearing, DepthCamera, PositionFix, RangeBeacon
 from pss.surrogates import Box, Rectangle, Shape, Sphere
 from pss.visibility import FieldOfView, Occlusion, SelfOcclusion
 

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pss.errors import RangeError, ShapeError
 from pss.evaluation import Evaluation
+from pss.inputs import labels, numbers
 from pss.process import RandomWalk
 
 __all__ = ["Aggregation", "bounded_by_volume", "cover_all", "environment_size_m", "grown_from_previous"]
@@ -61,10 +62,18 @@ class Aggregation:
                 raise RangeError(f"{name} = {value!r}; allowed: {', '.join(allowed)}")
         if isinstance(self.unobservable, str) and self.unobservable not in ("ignore", "drop"):
             raise RangeError(f"unobservable = {self.unobservable!r}; allowed: ignore, drop, or metres")
-        if not isinstance(self.unobservable, str) and not (np.asarray(self.unobservable) > 0).all():
-            raise RangeError(f"unobservable = {self.unobservable!r}; allowed: above 0, in metres")
-        if self.weights is not None and not (np.asarray(self.weights) >= 0).all():
-            raise RangeError(f"a weight is {np.min(np.asarray(self.weights))!r}; allowed: 0 or more")
+        if not isinstance(self.unobservable, str):
+            sigma = numbers(self.unobservable, "unobservable", "ignore, drop, or metres")
+            if not (sigma > 0).all():
+                raise RangeError(f"unobservable = {self.unobservable!r}; allowed: above 0, in metres")
+            object.__setattr__(self, "unobservable", sigma if sigma.ndim else float(sigma))
+        if self.weights is not None:
+            weights = numbers(self.weights, "weights", "(N,)")
+            if not (weights >= 0).all():
+                raise RangeError(f"a weight is {weights.min()!r}; allowed: 0 or more")
+            object.__setattr__(self, "weights", weights)
+        if self.objects is not None:
+            object.__setattr__(self, "objects", labels(self.objects, "objects"))
         for label, priority in (self.priorities or {}).items():
             if not 0 <= priority < np.inf:
                 raise RangeError(f"priority of {label!r} = {priority!r}; allowed: 0 or more, finite")
@@ -78,18 +87,18 @@ class Aggregation:
 
     def of_objects(self, sigma_m: ArrayLike) -> dict[str, float]:
         """The number of each object by itself, of σ in metres (N,), nan where unobservable; priorities play no part."""
-        sigma, weights, labels = self._checked(sigma_m)
-        own = {label: labels == label for label in dict.fromkeys(labels.tolist())}
+        sigma, weights, names = self._checked(sigma_m)
+        own = {label: names == label for label in dict.fromkeys(names.tolist())}
         return {label: self._number(sigma[mask], weights[mask]) for label, mask in own.items()}
 
     def __call__(self, sigma_m: ArrayLike) -> float:
         """The number: 1/m for "inverse", else m; of σ in metres, (N,), nan where unobservable."""
-        sigma, weights, labels = self._checked(sigma_m)
+        sigma, weights, names = self._checked(sigma_m)
         priorities = self.priorities or {}
         if self.across == "points":
-            return self._number(sigma, weights * np.array([priorities.get(label, 1.0) for label in labels]))
-        numbers = self.of_objects(sigma)
-        counted = {label: number for label, number in numbers.items() if priorities.get(label, 1.0) > 0}
+            return self._number(sigma, weights * np.array([priorities.get(label, 1.0) for label in names]))
+        own = self.of_objects(sigma)
+        counted = {label: number for label, number in own.items() if priorities.get(label, 1.0) > 0}
         if not counted:
             raise RangeError("all objects have priority 0; allowed: one above")
         if self.across == "worst":
@@ -98,21 +107,21 @@ class Aggregation:
         return float(shares @ np.array(list(counted.values())) / shares.sum())
 
     def _checked(self, sigma_m: ArrayLike) -> tuple[Floats, Floats, NDArray[np.str_]]:
-        sigma = np.asarray(sigma_m, dtype=float)
+        sigma = numbers(sigma_m, "sigma_m", "(N,)")
         if sigma.ndim != 1 or len(sigma) == 0:
             raise ShapeError(f"sigma_m has shape {sigma.shape}; allowed: (N,) with at least one point")
         if (sigma <= 0).any():
             raise RangeError(f"sigma_m holds {sigma[sigma <= 0][0]!r}; allowed: above 0, or nan where unobservable")
-        weights = np.ones(len(sigma)) if self.weights is None else np.asarray(self.weights, dtype=float)
-        labels = np.full(len(sigma), "") if self.objects is None else np.asarray(self.objects, dtype=np.str_)
-        for name, value in (("weights", weights), ("objects", labels)):
+        weights = np.ones(len(sigma)) if self.weights is None else numbers(self.weights, "weights", "(N,)")
+        names = np.full(len(sigma), "") if self.objects is None else labels(self.objects, "objects")
+        for name, value in (("weights", weights), ("objects", names)):
             if value.shape != sigma.shape:
                 raise ShapeError(f"{name} has shape {value.shape}; allowed: {sigma.shape}, that of the points")
         if not isinstance(self.unobservable, str):
             if np.ndim(self.unobservable) and np.shape(self.unobservable) != sigma.shape:
                 raise ShapeError(f"unobservable has shape {np.shape(self.unobservable)}; allowed: {sigma.shape}")
             sigma = np.where(np.isnan(sigma), self.unobservable, sigma)
-        return sigma, weights, labels
+        return sigma, weights, names
 
     def _number(self, sigma: Floats, weights: Floats) -> float:
         known = np.isfinite(sigma) & (weights > 0)
@@ -145,7 +154,7 @@ def grown_from_previous(previous_sigma_m: ArrayLike, process: RandomWalk, frames
     """
     if frames < 0:
         raise RangeError(f"frames = {frames!r}; allowed: 0 or more")
-    return np.asarray(np.sqrt(np.asarray(previous_sigma_m, dtype=float) ** 2 + frames * process.Q[0, 0]))
+    return np.asarray(np.sqrt(numbers(previous_sigma_m, "previous_sigma_m", "(N,)") ** 2 + frames * process.Q[0, 0]))
 
 
 def bounded_by_volume(evaluation: Evaluation, lowest_m: ArrayLike, highest_m: ArrayLike) -> Floats:
@@ -178,15 +187,19 @@ def cover_all(sigma_m: ArrayLike, objects: ArrayLike, share: float = 1.0) -> flo
     """
     if not 0 < share <= 1:
         raise RangeError(f"share = {share!r}; allowed: above 0, at most 1")
-    sigma, labels = np.asarray(sigma_m, dtype=float), np.asarray(objects, dtype=np.str_)
-    numbers = Aggregation(objects=labels, across="mean").of_objects(sigma)
-    covered = sum(float(np.isfinite(sigma[labels == label]).mean()) >= share for label in numbers)
-    worst = min(numbers.values())
+    sigma, names = numbers(sigma_m, "sigma_m", "(N,)"), labels(objects, "objects")
+    own = Aggregation(objects=names, across="mean").of_objects(sigma)
+    covered = sum(float(np.isfinite(sigma[names == label]).mean()) >= share for label in own)
+    worst = min(own.values())
     return covered + worst / (1.0 + worst)
 
 
 def _sides(lowest_m: ArrayLike, highest_m: ArrayLike) -> Floats:
-    sides: Floats = np.asarray(highest_m, dtype=float) - np.asarray(lowest_m, dtype=float)
+    high, low = numbers(highest_m, "highest_m", "(3,) or (N, 3)"), numbers(lowest_m, "lowest_m", "(3,) or (N, 3)")
+    try:
+        sides = high - low
+    except ValueError as error:
+        raise ShapeError(f"a box's corners: {error}; allowed: (3,) or (N, 3)") from None
     if sides.shape[-1:] != (3,):
         raise ShapeError(f"a box's corners differ by shape {sides.shape}; allowed: (3,) or (N, 3)")
     if not (sides > 0).all():

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pss.distortion import undistorted
 from pss.errors import GeometryError, RangeError, ShapeError
+from pss.inputs import number, numbers, place, row
 from pss.views import Views
 
 __all__ = ["PTZCamera", "as_points"]
@@ -37,8 +38,8 @@ NUMBERS = (
 
 
 def as_points(points_m: ArrayLike, name: str = "points_m") -> Floats:
-    """Return `points_m` as a float array of shape (..., 3), or raise `ShapeError` / `RangeError`."""
-    points = np.asarray(points_m, dtype=float)
+    """Return `points_m` as a new float array of shape (..., 3), or raise `ShapeError` / `RangeError`."""
+    points = numbers(points_m, name, "(..., 3)")
     if points.ndim < 1 or points.shape[-1] != 3:
         raise ShapeError(f"{name} has shape {points.shape}; allowed is (..., 3)")
     if not np.isfinite(points).all():
@@ -93,22 +94,18 @@ class PTZCamera:
     name: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
-        position, resolution = tuple(self.position_m), tuple(self.resolution)
-        if len(position) != 3:
-            raise ShapeError(f"position_m has {len(position)} numbers; allowed is 3 (x, y, z in metres)")
-        if len(resolution) != 2:
-            raise ShapeError(f"resolution has {len(resolution)} numbers; allowed is 2 (width, height in pixels)")
-        object.__setattr__(self, "position_m", tuple(float(x) for x in position))
-        distortion = tuple(float(k) for k in self.radial_distortion)
-        if len(distortion) != 2:
-            raise ShapeError(f"radial_distortion has {len(distortion)} numbers; allowed is 2 (k1, k2)")
+        object.__setattr__(self, "position_m", place(self.position_m, "position_m"))
+        resolution = row(self.resolution, 2, "resolution", "2 (width, height in pixels)")
+        if all(map(math.isfinite, resolution)):
+            resolution = tuple(int(n) for n in resolution)
+        distortion = row(self.radial_distortion, 2, "radial_distortion", "2 (k1, k2)")
         object.__setattr__(self, "radial_distortion", distortion)
         _require(all(map(math.isfinite, distortion)), "radial_distortion", distortion, "finite numbers")
         # A whole number and its float are one setting: they must also be one in a file, and in a hash.
         for name in NUMBERS:
-            object.__setattr__(self, name, float(getattr(self, name)))
-        object.__setattr__(self, "resolution", tuple(int(n) for n in resolution))
-        _require(all(math.isfinite(x) for x in self.position_m), "position_m", position, "finite metres")
+            object.__setattr__(self, name, number(getattr(self, name), name))
+        _require(all(map(math.isfinite, resolution)), "resolution", resolution, "at least 1 × 1 pixel")
+        object.__setattr__(self, "resolution", resolution)
         _require(math.isfinite(self.pan_deg), "pan_deg", self.pan_deg, "finite degrees")
         _require(abs(self.tilt_deg) <= MAX_ABS_TILT_DEG, "tilt_deg", self.tilt_deg, f"within ±{MAX_ABS_TILT_DEG}°")
         _require(0 < self.widest_fov_deg < 180, "widest_fov_deg", self.widest_fov_deg, "between 0 and 180 degrees")
@@ -236,7 +233,7 @@ class PTZCamera:
             ShapeError: `pixels` does not end in 2.
             RangeError: a pixel so far out that this lens images nothing there.
         """
-        distorted = np.asarray(pixels, dtype=float)
+        distorted = numbers(pixels, "pixels", "(..., 2)")
         if distorted.ndim < 1 or distorted.shape[-1] != 2:
             raise ShapeError(f"pixels has shape {distorted.shape}; allowed is (..., 2)")
         if not any(self.radial_distortion):

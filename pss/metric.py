@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +12,7 @@ from pss.camera import PTZCamera, as_points
 from pss.covariances import to_six
 from pss.errors import RangeError, ShapeError
 from pss.evaluation import Evaluation, Evaluations, Task
+from pss.inputs import members
 from pss.noise import NoiseModel, noise_model
 from pss.photometry import Appearance
 from pss.process import RandomWalk
@@ -30,6 +32,8 @@ Indices = NDArray[np.intp]
 # A unit normal read from a file with seven digits is off by less.
 NORMAL_LENGTH_TOLERANCE = 1e-6
 DEFAULT_PROCESS = RandomWalk()
+# What tells a camera from another thing.
+CAMERA = "focal_px"
 # Camera–point pairs at once: large enough to hide Python, small enough for the arrays of a step to stay in the cache.
 PAIRS_AT_ONCE = 16384
 # Points at once even for thousands of cameras.
@@ -67,7 +71,7 @@ def evaluate(
         RiccatiError: the process model has no steady state, however well its position is measured.
     """
     return evaluate_many(
-        [cameras],
+        [members(cameras, "cameras", CAMERA, "cameras")],
         points_m,
         normals,
         noise=noise,
@@ -95,24 +99,30 @@ def evaluate_many(
 
     Arguments and errors are those of `evaluate`.
     """
+    named = list(_listed(configurations))
     points, unit_normals = as_points(points_m), as_points(normals, "normals")
     _check_points(points, unit_normals)
     if appearance is not None:
+        if not isinstance(appearance, Appearance):
+            raise RangeError(f"appearance is a {type(appearance).__name__}; allowed: a pss.Appearance, or None")
         appearance.check_length(len(points))
+    if not isinstance(noise, str | Path) and not hasattr(noise, "of_views"):
+        raise RangeError(f"noise is a {type(noise).__name__}; allowed: a noise model, or its name")
+    tests = members(visibility, "visibility", "passed", "tests, as pss.visibility_tests returns them")
     task = Task(
         points,
         unit_normals,
-        noise_model(noise) if isinstance(noise, str) else noise,
+        noise_model(noise) if isinstance(noise, str | Path) else noise,
         as_groups(DEFAULT_PROCESS if process is None else process, len(points)),
-        tuple(occluder),
+        members(occluder, "occluder", "blocks", "shapes"),
         appearance,
-        tuple(sensors),
+        members(sensors, "sensors", "reaches", "sensors"),
     )
     # Two cameras alike in all but the name may still differ in the sensor that a noise model knows them by.
-    distinct = tuple({(c, c.name): c for cs in configurations for c in cs}.values())
+    distinct = tuple({(c, c.name): c for cs in named for c in cs}.values())
     number = {(camera, camera.name): index for index, camera in enumerate(distinct)}
-    members = tuple(np.array([number[c, c.name] for c in cs], dtype=np.intp) for cs in configurations)
-    visible, information = _measured(distinct, members, task, visibility)
+    chosen = tuple(np.array([number[c, c.name] for c in cs], dtype=np.intp) for cs in named)
+    visible, information = _measured(distinct, chosen, task, tests)
     of_sensors = _information_of_sensors(task)
     if of_sensors is not None:
         information += to_six(of_sensors[:, :3, :3])
@@ -120,17 +130,26 @@ def evaluate_many(
     beyond = of_sensors if of_sensors is not None and of_sensors.shape[-1] > 3 else None
 
     observable, sigma, frame_sigma = solve(task.processes, information, beyond)
-    return Evaluations(task, distinct, members, visible, observable, information, beyond, sigma, frame_sigma)
+    return Evaluations(task, distinct, chosen, visible, observable, information, beyond, sigma, frame_sigma)
+
+
+def _listed(configurations: Iterable[Iterable[PTZCamera]]) -> Iterator[tuple[PTZCamera, ...]]:
+    """Each configuration's cameras, whatever iterables they come in."""
+    if configurations is None or not isinstance(configurations, Iterable) or isinstance(configurations, str | bytes):
+        what = "None" if configurations is None else f"a {type(configurations).__name__}"
+        raise RangeError(f"configurations is {what}; allowed: a list of lists of cameras")
+    for number, cameras in enumerate(configurations):
+        yield members(cameras, f"configurations[{number}]", CAMERA, "cameras")
 
 
 def _measured(
     cameras: tuple[PTZCamera, ...],
-    members: tuple[Indices, ...],
+    configurations: tuple[Indices, ...],
     task: Task,
     tests: Sequence[VisibilityTest],
 ) -> tuple[Bools, Floats]:
     """Who sees what, (U, N), and the cameras' information in each configuration, (K, 6, N)."""
-    U, K, N = len(cameras), len(members), len(task.points_m)
+    U, K, N = len(cameras), len(configurations), len(task.points_m)
     visible, information = np.zeros((U, N), dtype=np.bool_), np.zeros((K, 6, N))
     points_at_once = min(max(PAIRS_AT_ONCE // max(U, 1), SHORTEST_RUN), int(MOST_NUMBERS_KEPT / (6 * max(U, 1))))
     points_at_once = max(1, min(N, points_at_once))
@@ -146,10 +165,10 @@ def _measured(
             visible[rows, part], six = _information(block, of_points, tests)
             kept.append(six)
         if everything:  # the one configuration has all cameras
-            information[0, :, part] = kept[0][members[0]].sum(axis=0)
+            information[0, :, part] = kept[0][configurations[0]].sum(axis=0)
         elif U:
             of_cameras = np.concatenate(kept)
-            for k, chosen in enumerate(members):
+            for k, chosen in enumerate(configurations):
                 information[k, :, part] = of_cameras[chosen].sum(axis=0)
     return visible, information
 

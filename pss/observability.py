@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pss.errors import RangeError, ShapeError
+from pss.inputs import numbers
 
 __all__ = [
     "RANK_TOLERANCE",
@@ -103,7 +104,7 @@ def information_ratio(J: ArrayLike) -> Floats:
     Raises:
         ShapeError, RangeError: J is not square, or not finite
     """
-    information = np.asarray(J, dtype=np.float64)
+    information = numbers(J, "J", "(..., n, n)")
     _checked(information, information, name="J")
     eigenvalues = np.linalg.eigvalsh(information)
     largest = eigenvalues[..., -1]
@@ -138,7 +139,7 @@ def eigen_3x3(
 
 def _deflated(six: Sequence[ArrayLike], vectors: bool) -> tuple[Floats, Floats]:
     """`eigen_3x3`, with no eigenvectors (3, 3, 0) unless they are wanted."""
-    entries = [np.asarray(entry, dtype=np.float64) for entry in six]
+    entries = [numbers(entry, "entries", "six times (N,)") for entry in six]
     if entries[0].ndim != 1 or any(entry.shape != entries[0].shape for entry in entries):
         raise ShapeError(f"entries have the shapes {[entry.shape for entry in entries]}; allowed: six times (N,)")
     size = np.abs(entries).max(axis=0)
@@ -247,7 +248,7 @@ def _information(H: Floats) -> Floats:
 
 
 def _checked(A: ArrayLike, H: ArrayLike | None, name: str = "H") -> tuple[Floats, Floats]:
-    transition, measured = np.asarray(A, dtype=np.float64), np.asarray(H, dtype=np.float64)
+    transition, measured = numbers(A, "A", "(..., n, n)"), numbers(H, name, "(..., m, n)")
     if transition.ndim < 2 or transition.shape[-1] != transition.shape[-2]:
         raise ShapeError(f"A has shape {transition.shape}; allowed: (..., n, n)")
     if measured.ndim < 2 or measured.shape[-1] != transition.shape[-1]:

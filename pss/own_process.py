@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pss.errors import RangeError, ShapeError
+from pss.inputs import members, numbers, plain
 from pss.process import AXES, ProcessModel, require_positive
 from pss.riccati import require_semidefinite
 
@@ -101,7 +102,8 @@ class NonlinearProcess:
             RangeError: a value is not finite
         """
         n = self.Q.shape[-1]
-        x = _shaped("states", np.asarray(states, dtype=np.float64), (np.shape(states)[0] if np.ndim(states) else 0, n))
+        given = numbers(states, "states", f"(N, {n})")
+        x = _shaped("states", given, (len(given) if given.ndim else 0, n))
         if self.jacobian is not None:
             return LinearProcess(_shaped("jacobian(states)", self.jacobian(x), (*x.shape, n)), self.Q, self.time_step_s)
         A = np.empty((*x.shape, n))
@@ -133,7 +135,8 @@ class PerPoint:
     index: Indices
 
     def __post_init__(self) -> None:
-        index, models = np.array(self.index), tuple(self.models)
+        index = plain(self.index, "index", "integers (N,)")
+        models = members(self.models, "models", "states", "process models")
         if not models or index.ndim != 1:
             raise ShapeError(f"{len(models)} models and index {index.shape}; allowed: one or more, and (N,)")
         if index.size and index.dtype.kind not in "iu":
@@ -159,7 +162,7 @@ class PerPoint:
 
 def _read_only(name: str, value: ArrayLike) -> Floats:
     """A copy of a matrix over three states or more, or of one for each point."""
-    M = np.array(value, dtype=np.float64)
+    M = numbers(value, name, f"(n, n) or (N, n, n) with n ≥ {AXES}")
     if M.ndim not in (2, 3) or M.shape[-1] != M.shape[-2] or M.shape[-1] < AXES:
         raise ShapeError(f"{name} has shape {M.shape}; allowed: (n, n) or (N, n, n) with n ≥ {AXES}")
     M = _shaped(name, M, M.shape)
@@ -167,10 +170,11 @@ def _read_only(name: str, value: ArrayLike) -> Floats:
     return M
 
 
-def _shaped(name: str, value: Floats, shape: tuple[int, ...]) -> Floats:
-    """`value` if it has the shape and is finite."""
-    if np.shape(value) != shape:
-        raise ShapeError(f"{name} has shape {np.shape(value)}; allowed: {shape}")
+def _shaped(name: str, given: ArrayLike, shape: tuple[int, ...]) -> Floats:
+    """`given` as an array if it has the shape and is finite."""
+    value = numbers(given, name, f"{shape}")
+    if value.shape != shape:
+        raise ShapeError(f"{name} has shape {value.shape}; allowed: {shape}")
     if not np.isfinite(value).all():
         raise RangeError(f"{name} has the value {value[~np.isfinite(value)][0]}; allowed: finite values")
     return value

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pss.errors import RangeError, ShapeError
+from pss.inputs import numbers
 
 if TYPE_CHECKING:
     from pss.camera import PTZCamera
@@ -168,7 +169,7 @@ class Appearance:
     def __post_init__(self) -> None:
         shapes = set()
         for name in ("module_m", "white_w_per_m2_sr", "black_w_per_m2_sr"):
-            value = np.asarray(getattr(self, name), dtype=float)
+            value = numbers(getattr(self, name), f"Appearance.{name}", "a number or (N,)")
             if value.ndim > 1:
                 raise ShapeError(f"Appearance.{name} has shape {value.shape}; allowed: a number or (N,)")
             shapes |= set(value.shape)
@@ -179,7 +180,7 @@ class Appearance:
         for name in ("along", "velocity_m_per_s"):
             if getattr(self, name) is None:
                 continue
-            vectors = np.asarray(getattr(self, name), dtype=float)
+            vectors = numbers(getattr(self, name), f"Appearance.{name}", "(N, 3)")
             if vectors.ndim != 2 or vectors.shape[1] != 3:
                 raise ShapeError(f"Appearance.{name} has shape {vectors.shape}; allowed: (N, 3)")
             shapes.add(vectors.shape[0])

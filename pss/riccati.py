@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from pss import riccati_axes, riccati_methods
 from pss.errors import RangeError, RiccatiError, ShapeError
+from pss.inputs import numbers
 from pss.observability import eigen_3x3
 from pss.riccati_methods import RANK_TOLERANCE, REFUSE_ABOVE, Failures, Floats, transpose
 
@@ -242,7 +243,7 @@ def _by_matrix(
 
 
 def _array(name: str, value: ArrayLike) -> Floats:
-    array = np.asarray(value, dtype=np.float64)
+    array = numbers(value, name, "matrices with leading batch axes")
     if array.ndim < 2:
         raise ShapeError(f"{name} has shape {array.shape}; allowed: matrices with leading batch axes")
     if not np.isfinite(array).all():

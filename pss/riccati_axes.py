@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pss.errors import RangeError, RiccatiError, ShapeError
+from pss.inputs import numbers
 from pss.observability import undetectable
 from pss.riccati_methods import (
     EPS,
@@ -132,7 +133,7 @@ def _axis(A0: ArrayLike, Q0: ArrayLike, information: ArrayLike, unsolvable: Unso
 
 
 def _checked(A0: ArrayLike, Q0: ArrayLike, information: ArrayLike) -> tuple[Floats, Floats, Floats]:
-    A, Q, j = (np.asarray(M, dtype=np.float64) for M in (A0, Q0, information))
+    A, Q, j = (numbers(M, name) for name, M in (("A0", A0), ("Q0", Q0), ("information", information)))
     if A.ndim != 2 or A.shape[0] != A.shape[1] or len(A) not in AT:
         raise ShapeError(f"A0 has shape {A.shape}; allowed: (1, 1), (2, 2) or (3, 3)")
     if Q.shape != A.shape or j.ndim != 1:

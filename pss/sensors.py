@@ -6,26 +6,24 @@ The paper (section 3.1): "their contributions can be accounted for with sensor-s
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from pss.camera import PTZCamera, as_points
 from pss.errors import GeometryError, RangeError, ShapeError
+from pss.inputs import number, numbers, place
 from pss.surrogates import Shape, any_blocks
 from pss.views import Views
 from pss.visibility import CLEARANCE_M, FieldOfView, Occlusion, SelfOcclusion, visible_in
 
-__all__ = ["Bearing", "DepthCamera", "FunctionSensor", "PositionFix", "RangeBeacon", "Sensor"]
+__all__ = ["Bearing", "DepthCamera", "PositionFix", "RangeBeacon", "Sensor"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
-
-# Cube root of double precision: where the error of a central difference is least, in units of the state's own size.
-DIFFERENCE_STEP = 6e-6
 
 
 class Sensor(Protocol):
@@ -55,7 +53,7 @@ class Sensor(Protocol):
 
 def _positive(owner: str, **values: float) -> None:
     for name, value in values.items():
-        if not 0 < value < math.inf:
+        if not 0 < number(value, f"{owner}.{name}", "above 0, finite") < math.inf:
             raise RangeError(f"{owner}.{name} = {value!r}; allowed: above 0, finite")
 
 
@@ -104,6 +102,7 @@ class RangeBeacon:
     name: str = "range"
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "position_m", place(self.position_m, "RangeBeacon.position_m"))
         _positive("RangeBeacon", sigma_m=self.sigma_m)
 
     def measure(self, points_m: Floats) -> Floats:
@@ -142,6 +141,7 @@ class Bearing:
     name: str = "bearing"
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "position_m", place(self.position_m, "Bearing.position_m"))
         _positive("Bearing", sigma_rad=self.sigma_rad)
 
     def measure(self, points_m: Floats) -> Floats:
@@ -242,10 +242,12 @@ class PositionFix:
     name: str = "position-fix"
 
     def __post_init__(self) -> None:
-        if np.shape(self.sigma_m) not in ((), (3,)):
-            raise ShapeError(f"PositionFix.sigma_m has shape {np.shape(self.sigma_m)}; allowed: a number, or (3,)")
-        for value in np.atleast_1d(self.sigma_m):
+        sigma = numbers(self.sigma_m, "PositionFix.sigma_m", "a number, or (3,)")
+        if sigma.shape not in ((), (3,)):
+            raise ShapeError(f"PositionFix.sigma_m has shape {sigma.shape}; allowed: a number, or (3,)")
+        for value in np.atleast_1d(sigma):
             _positive("PositionFix", sigma_m=float(value))
+        object.__setattr__(self, "sigma_m", tuple(sigma.tolist()) if sigma.ndim else float(sigma))
 
     def measure(self, points_m: Floats) -> Floats:
         """m, (N, 3)."""
@@ -262,48 +264,3 @@ class PositionFix:
     def reaches(self, points_m: Floats, normals: Floats, occluder: Sequence[Shape]) -> Bools:
         """Everywhere, (N,)."""
         return np.ones(len(points_m), dtype=np.bool_)
-
-
-@dataclass(frozen=True, eq=False)
-class FunctionSensor:
-    """A user's own sensor: a function of the position, its noise, and its Jacobian if it is known.
-
-    Attributes:
-        function: from points (N, 3) to measurements (N, m).
-        noise: covariance of a measurement, (m, m), in the measurements' units squared.
-        of_position: ∂measurement/∂position, from points (N, 3) to (N, m, 3); None takes central differences.
-        reach: from points (N, 3) to (N,) booleans; None measures everywhere.
-    """
-
-    function: Callable[[Floats], Floats]
-    noise: ArrayLike
-    of_position: Callable[[Floats], Floats] | None = None
-    reach: Callable[[Floats], Bools] | None = None
-    name: str = "function"
-
-    def measure(self, points_m: Floats) -> Floats:
-        """(N, m)."""
-        measured = np.asarray(self.function(as_points(points_m)), dtype=float)
-        if measured.ndim != 2 or len(measured) != len(points_m):
-            raise ShapeError(f"sensor {self.name!r} gives shape {measured.shape}; allowed: ({len(points_m)}, m)")
-        return measured
-
-    def jacobian(self, points_m: Floats) -> Floats:
-        """(N, m, 3)."""
-        points = as_points(points_m)
-        if self.of_position is not None:
-            return np.asarray(self.of_position(points), dtype=float)
-        step = DIFFERENCE_STEP * max(1.0, float(np.abs(points).max(initial=0.0)))
-        sides = [(self.measure(points + e) - self.measure(points - e)) / (2 * step) for e in step * np.eye(3)]
-        return np.stack(sides, axis=-1)
-
-    def covariance(self, points_m: Floats) -> Floats:
-        """(N, m, m)."""
-        noise = np.atleast_2d(np.asarray(self.noise, dtype=float))
-        return np.broadcast_to(noise, (len(points_m), *noise.shape))
-
-    def reaches(self, points_m: Floats, normals: Floats, occluder: Sequence[Shape]) -> Bools:
-        """Where it measures, (N,)."""
-        if self.reach is None:
-            return np.ones(len(points_m), dtype=np.bool_)
-        return np.asarray(self.reach(points_m), dtype=np.bool_)

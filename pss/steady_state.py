@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pss.covariances import from_six, largest_standard_deviation
 from pss.errors import ShapeError
+from pss.inputs import members
 from pss.observability import smallest_eigenvalue_3x3
 from pss.own_process import LinearProcess, PerPoint
 from pss.process import ProcessModel
@@ -43,16 +44,17 @@ def as_groups(process: Process, points: int) -> Groups:
     Raises:
         ShapeError: models or their matrices for another number of points.
     """
-    if isinstance(process, Sequence):
-        distinct = list({id(model): model for model in process}.values())
+    if not hasattr(process, "states") and not isinstance(process, PerPoint):
+        models: tuple[ProcessModel, ...] = members(process, "process", "states", "process models, or one")
+        distinct = list({id(model): model for model in models}.values())
         number = {id(model): index for index, model in enumerate(distinct)}
-        process = PerPoint(distinct, np.array([number[id(model)] for model in process], dtype=np.intp))
+        process = PerPoint(distinct, np.array([number[id(model)] for model in models], dtype=np.intp))
     if isinstance(process, PerPoint):
         if len(process.index) != points:
             raise ShapeError(f"process is given for {len(process.index)} points; allowed: {points}, the points'")
         groups = list(process.groups())
     else:
-        groups = [(process, np.arange(points))]
+        groups = [(cast(ProcessModel, process), np.arange(points))]
     for model, indices in groups:
         for M in (model.A, model.Q):
             if M.ndim == 3 and len(M) != len(indices):

@@ -13,8 +13,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pss.camera import PTZCamera
-from pss.errors import RangeError
+from pss.camera import PTZCamera, as_points
+from pss.errors import RangeError, ShapeError
+from pss.inputs import members
 from pss.surrogates import Shape, any_blocks
 from pss.views import Views
 
@@ -127,4 +128,9 @@ def visible_points(
     Returns:
         (C, N) booleans.
     """
-    return visible_in(Views(cameras, points_m, normals), occluder, tests)
+    points, directions = as_points(points_m), as_points(normals, "normals")
+    if points.ndim != 2 or points.shape != directions.shape:
+        raise ShapeError(f"points_m {points.shape} and normals {directions.shape}; allowed are two alike, (N, 3)")
+    views = Views(members(cameras, "cameras", "focal_px", "cameras"), points, directions)
+    shapes = members(occluder, "occluder", "blocks", "shapes")
+    return visible_in(views, shapes, members(tests, "tests", "passed", "visibility tests"))

@@ -12,7 +12,8 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from pss.errors import RangeError
+from pss.errors import RangeError, ShapeError
+from pss.inputs import number, numbers
 from pss.noise.covariance import PixelCovariance
 from pss.views import Views
 
@@ -25,6 +26,7 @@ __all__ = [
     "NoiseFactor",
     "Resolution",
     "Weighted",
+    "covariance_of",
 ]
 
 T = TypeVar("T")
@@ -33,10 +35,16 @@ T = TypeVar("T")
 DEFAULT_CCD_NOISE = 6e-4
 # D²/cos α has no bound at grazing incidence; beyond 89.4° nothing can be measured anyway.
 SMALLEST_COS_INCIDENCE = 0.01
+# A matrix further from symmetric than this (relative to its largest entry) is a mistake, not rounding.
+SYMMETRY_TOLERANCE = 1e-9
 
 
 class NoiseFactor(Protocol):
-    """One quality factor. A user's own factor is any object with these two members."""
+    """One quality factor. A user's own factor is any object with these two members.
+
+    Its `covariance` may also return an array (C, N, 2, 2) of matrices, or one that broadcasts to it: see
+    `covariance_of`.
+    """
 
     @property
     def name(self) -> str:
@@ -130,7 +138,7 @@ class Weighted:
     weight: float
 
     def __post_init__(self) -> None:
-        if not 0 <= self.weight < math.inf:
+        if not 0 <= number(self.weight, f"weight of {self.factor.name!r}", "0 or more, finite") < math.inf:
             raise RangeError(f"weight of {self.factor.name!r} = {self.weight!r}; allowed: 0 or more, finite")
 
     @property
@@ -140,7 +148,49 @@ class Weighted:
 
     def covariance(self, views: Views) -> PixelCovariance:
         """px², the factor's times the weight."""
-        return self.factor.covariance(views) * self.weight
+        return covariance_of(self.factor, views) * self.weight
+
+
+def covariance_of(factor: NoiseFactor, views: Views) -> PixelCovariance:
+    """px², what `factor` adds to R in each of the `views`, from a `PixelCovariance` or from matrices.
+
+    Matrices are an array (..., 2, 2) that broadcasts to (C, N, 2, 2); nan and infinity are for what is not seen.
+
+    Raises:
+        ShapeError: the factor returns something of another shape.
+        RangeError: it returns neither, or matrices that are not symmetric positive semidefinite.
+    """
+    returned: object = factor.covariance(views)
+    who = f"noise factor {factor.name!r}"
+    count = (len(views.cameras), len(views.points_m))
+    matrices = f"an array of matrices in px² that broadcasts to {(*count, 2, 2)}"
+    allowed = f"a PixelCovariance, such as PixelCovariance.isotropic(variance_px2), or {matrices}"
+    if isinstance(returned, PixelCovariance):
+        shapes = [np.shape(entry) for entry in (returned.uu, returned.vv, returned.uv)]
+        if not all(_broadcasts(shape, count) for shape in shapes):
+            raise ShapeError(f"{who} returns entries of shapes {shapes}; allowed: those that broadcast to {count}")
+        return returned
+    array = numbers(returned, f"what {who} returns", allowed)
+    if array.shape[-2:] != (2, 2) or not _broadcasts(array.shape[:-2], count):
+        raise ShapeError(f"{who} returns an array of shape {array.shape}; allowed: {allowed}")
+    with np.errstate(invalid="ignore", over="ignore"):
+        largest = np.abs(array).max(axis=(-1, -2))
+        skew = np.abs(array[..., 0, 1] - array[..., 1, 0])
+        uu, vv, uv = array[..., 0, 0], array[..., 1, 1], array[..., 0, 1]
+        wrong = (skew > SYMMETRY_TOLERANCE * largest) | (uu < 0) | (vv < 0)
+        # The roots keep the product of two small or large variances a number.
+        wrong |= np.abs(uv) > (1 + SYMMETRY_TOLERANCE) * np.sqrt(np.abs(uu)) * np.sqrt(np.abs(vv))
+    if wrong.any():
+        worst = array[tuple(np.argwhere(wrong)[0])].tolist()
+        raise RangeError(f"{who} returns the matrix {worst}; allowed: symmetric positive semidefinite, in px²")
+    return PixelCovariance.from_matrix(array)
+
+
+def _broadcasts(shape: tuple[int, ...], to: tuple[int, ...]) -> bool:
+    try:
+        return np.broadcast_shapes(shape, to) == to
+    except ValueError:
+        return False
 
 
 def of_camera(values: Mapping[str, T], name: str, what: str) -> T:

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pss.camera import PTZCamera, as_points
-from pss.errors import RangeError
+from pss.errors import RangeError, ShapeError
+from pss.inputs import members, number
 from pss.noise.calibrated import Calibration
 from pss.noise.covariance import PixelCovariance
 from pss.noise.factors import (
@@ -22,6 +23,7 @@ from pss.noise.factors import (
     NoiseFactor,
     Resolution,
     Weighted,
+    covariance_of,
 )
 from pss.noise.photometric import BrightnessContrast
 from pss.photometry import Appearance, ImageSensor
@@ -43,15 +45,20 @@ class NoiseModel:
     factors: tuple[NoiseFactor, ...]
 
     def __post_init__(self) -> None:
-        if not self.factors:
+        factors = members(self.factors, "factors", "covariance", "noise factors, with name and covariance(views)")
+        for factor in factors:
+            if not isinstance(getattr(factor, "name", None), str):
+                raise RangeError(f"a noise factor of type {type(factor).__name__} has no name; allowed: text")
+        object.__setattr__(self, "factors", factors)
+        if not factors:
             raise RangeError(f"noise model {self.name!r} has no factor left; allowed: at least one")
 
     def of_views(self, views: Views) -> PixelCovariance:
         """px², R_k in every one of `views`: arrays that broadcast to (C, N)."""
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # of points that are not seen
-            total = self.factors[0].covariance(views)
+            total = covariance_of(self.factors[0], views)
             for factor in self.factors[1:]:
-                total = total + factor.covariance(views)
+                total = total + covariance_of(factor, views)
         return total
 
     def information(self, views: Views, visible: NDArray[np.bool_]) -> Floats:
@@ -62,8 +69,10 @@ class NoiseModel:
         self, camera: PTZCamera, points_m: ArrayLike, normals: ArrayLike, appearance: Appearance | None = None
     ) -> Floats:
         """px², R_k (N, 2, 2) of one camera at `points_m` (N, 3) with unit `normals` (N, 3)."""
-        points = as_points(points_m)
-        views = Views([camera], points, as_points(normals, "normals"), appearance)
+        points, directions = as_points(points_m), as_points(normals, "normals")
+        if points.ndim != 2 or points.shape != directions.shape:
+            raise ShapeError(f"points_m {points.shape} and normals {directions.shape}; allowed are two alike, (N, 3)")
+        views = Views([camera], points, directions, appearance)
         return np.asarray(self.of_views(views).matrix(1, len(points))[0])
 
     def without(self, *names: str) -> NoiseModel:
@@ -138,12 +147,15 @@ def noise_model(
     Raises:
         RangeError: an unknown name of a model or a factor, or a constant out of range.
     """
+    if isinstance(switched_off, str):
+        raise RangeError(f"switched_off = {switched_off!r}; allowed: a list of names")
     off = tuple(switched_off)
     of_file = str(name).endswith(".toml")
     if name not in NOISE_MODELS and not of_file:
         raise RangeError(f"noise model {name!r}; allowed: {', '.join(NOISE_MODELS)}, or a calibration's path (.toml)")
-    numbers = list(ccd_noise.values()) if isinstance(ccd_noise, Mapping) else [ccd_noise]
-    if not all(number > 0 for number in numbers) or not px2_per_m2 > 0:
+    dark = ccd_noise.values() if isinstance(ccd_noise, Mapping) else [ccd_noise]
+    scales = [*(number(value, "ccd_noise") for value in dark), number(px2_per_m2, "px2_per_m2")]
+    if not all(scale > 0 for scale in scales):
         raise RangeError(f"ccd_noise = {ccd_noise!r}, px2_per_m2 = {px2_per_m2!r}; allowed: above 0")
     if of_file:
         calibration = Calibration.from_file(name)

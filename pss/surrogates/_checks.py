@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pss.errors import RangeError, ShapeError
+from pss.errors import RangeError
+from pss.inputs import number, place
 
-__all__ = ["check_count", "check_place", "check_positive", "turn_about_z"]
+__all__ = ["check_count", "check_positive", "set_places", "turn_about_z"]
 
 Floats = NDArray[np.float64]
 
@@ -18,17 +18,14 @@ Floats = NDArray[np.float64]
 def check_positive(owner: str, **sizes: float) -> None:
     """`RangeError` unless each size is above 0, in metres."""
     for name, value in sizes.items():
-        if not 0 < value < math.inf:
+        if not 0 < number(value, f"{owner}.{name}", "above 0, in metres") < math.inf:
             raise RangeError(f"{owner}.{name} = {value!r}; allowed: above 0, in metres")
 
 
-def check_place(owner: str, **places: Sequence[float]) -> None:
-    """`ShapeError` or `RangeError` unless each place is three finite metres."""
-    for name, place in places.items():
-        if len(place) != 3:
-            raise ShapeError(f"{owner}.{name} has {len(place)} numbers; allowed is 3 (x, y, z in metres)")
-        if not all(math.isfinite(x) for x in place):
-            raise RangeError(f"{owner}.{name} = {tuple(place)}; allowed: finite metres")
+def set_places(shape: object, *names: str) -> None:
+    """Make these fields of a frozen dataclass three floats each; `ShapeError` or `RangeError` if they cannot be."""
+    for name in names:
+        object.__setattr__(shape, name, place(getattr(shape, name), f"{type(shape).__name__}.{name}"))
 
 
 def check_count(**counts: int) -> None:

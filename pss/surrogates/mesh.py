@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from pss.camera import as_points
 from pss.errors import GeometryError, MissingLibraryError, RangeError, ShapeError
-from pss.surrogates._checks import check_place, check_positive, turn_about_z
+from pss.inputs import place, plain
+from pss.surrogates._checks import check_positive, turn_about_z
 from pss.surrogates._mesh_files import read_mesh
 from pss.surrogates._triangle_tree import TriangleTree
 
@@ -50,8 +51,8 @@ class Mesh:
     faces: Integers
 
     def __post_init__(self) -> None:
-        vertices = as_points(self.vertices_m, "Mesh.vertices_m").copy()
-        faces = np.array(self.faces)
+        vertices = as_points(self.vertices_m, "Mesh.vertices_m")
+        faces = plain(self.faces, "Mesh.faces", "(F, 3)")
         if vertices.ndim != 2:
             raise ShapeError(f"Mesh.vertices_m has shape {vertices.shape}; allowed is (V, 3)")
         if faces.ndim != 2 or faces.shape[1] != 3:
@@ -165,8 +166,8 @@ class Mesh:
 
     def moved(self, translation_m: tuple[float, float, float] = (0.0, 0.0, 0.0), turn_deg: float = 0.0) -> Mesh:
         """A copy turned about world z, as cameras pan (90° take +y to +x), and then moved by `translation_m` (3,)."""
-        check_place("Mesh.moved", translation_m=translation_m)
-        return Mesh(self.name, turn_about_z(self.vertices_m, turn_deg) + np.array(translation_m), self.faces)
+        offset = place(translation_m, "Mesh.moved.translation_m")
+        return Mesh(self.name, turn_about_z(self.vertices_m, turn_deg) + np.array(offset), self.faces)
 
 
 def _line(text: str) -> str:

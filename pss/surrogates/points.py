@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from pss.camera import as_points
 from pss.errors import GeometryError, RangeError, ShapeError
-from pss.surrogates._checks import check_place, turn_about_z
+from pss.inputs import labels, members, place
+from pss.surrogates._checks import turn_about_z
 from pss.surrogates.shapes import Box
 
 __all__ = ["Surrogate", "box_corners", "convex_hull", "dense_cloud", "single_point"]
@@ -46,7 +47,7 @@ class Surrogate:
     objects: NDArray[np.str_]
 
     def __post_init__(self) -> None:
-        points, normals = as_points(self.points_m).copy(), as_points(self.normals, "normals")
+        points, normals = as_points(self.points_m), as_points(self.normals, "normals")
         if points.ndim != 2 or points.shape != normals.shape or len(points) == 0:
             raise ShapeError(
                 f"points_m {points.shape} and normals {normals.shape}; allowed are two alike, (N, 3), N > 0"
@@ -55,7 +56,7 @@ class Surrogate:
         if (np.abs(lengths - 1) > NORMAL_LENGTH_TOLERANCE).any():
             worst = float(lengths[np.abs(lengths - 1).argmax()])
             raise RangeError(f"a normal has length {worst:.6g}; allowed is 1 ± {NORMAL_LENGTH_TOLERANCE:g}")
-        objects = np.array(self.objects, dtype=np.str_)
+        objects = labels(self.objects, "objects")
         if objects.shape not in ((), (len(points),)):
             raise ShapeError(f"objects has shape {objects.shape}; allowed is ({len(points)},) or one name")
         objects = np.broadcast_to(objects, len(points)).copy()
@@ -73,6 +74,7 @@ class Surrogate:
     @staticmethod
     def join(parts: Sequence[Surrogate]) -> Surrogate:
         """The points of all `parts`, one or more, in their order."""
+        parts = members(parts, "parts", "normals", "surrogates")
         if not parts:
             raise ShapeError("Surrogate.join got no parts; allowed: one or more")
         points, normals, objects = zip(*((part.points_m, part.normals, part.objects) for part in parts), strict=True)
@@ -84,8 +86,8 @@ class Surrogate:
 
     def moved(self, translation_m: tuple[float, float, float] = (0.0, 0.0, 0.0), turn_deg: float = 0.0) -> Surrogate:
         """A copy turned about world z, as cameras pan (90° take +y to +x), and then moved by `translation_m` (3,)."""
-        check_place("Surrogate.moved", translation_m=translation_m)
-        points = turn_about_z(self.points_m, turn_deg) + np.array(translation_m)
+        offset = place(translation_m, "Surrogate.moved.translation_m")
+        points = turn_about_z(self.points_m, turn_deg) + np.array(offset)
         return Surrogate(points, turn_about_z(self.normals, turn_deg), self.objects)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss.errors import GeometryError
-from pss.surrogates._checks import check_place, check_positive
+from pss.surrogates._checks import check_positive, set_places
 from pss.surrogates.shapes import Sphere
 
 __all__ = ["Capsule", "Cylinder"]
@@ -36,7 +36,7 @@ class Cylinder:
     height_m: float
 
     def __post_init__(self) -> None:
-        check_place("Cylinder", centre_m=self.centre_m)
+        set_places(self, "centre_m")
         check_positive("Cylinder", radius_m=self.radius_m, height_m=self.height_m)
 
     def blocks(self, starts_m: Floats, ends_m: Floats) -> Bools:
@@ -55,7 +55,7 @@ class Capsule:
     radius_m: float
 
     def __post_init__(self) -> None:
-        check_place("Capsule", start_m=self.start_m, end_m=self.end_m)
+        set_places(self, "start_m", "end_m")
         check_positive("Capsule", radius_m=self.radius_m)
         if not self.length_m > 0:
             raise GeometryError(f"Capsule.start_m = end_m = {tuple(self.end_m)}; allowed: two places (or a Sphere)")

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss.errors import RangeError
-from pss.surrogates._checks import check_count, check_place, check_positive
+from pss.surrogates._checks import check_count, check_positive, set_places
 
 __all__ = ["GOLDEN_ANGLE", "Box", "Rectangle", "Shape", "Sphere", "any_blocks"]
 
@@ -55,7 +55,7 @@ class Rectangle:
     elevation_deg: float = 0.0
 
     def __post_init__(self) -> None:
-        check_place("Rectangle", centre_m=self.centre_m)
+        set_places(self, "centre_m")
         check_positive("Rectangle", width_m=self.width_m, height_m=self.height_m)
 
     @cached_property
@@ -121,7 +121,7 @@ class Sphere:
     radius_m: float
 
     def __post_init__(self) -> None:
-        check_place("Sphere", centre_m=self.centre_m)
+        set_places(self, "centre_m")
         check_positive("Sphere", radius_m=self.radius_m)
 
     def blocks(self, starts_m: Floats, ends_m: Floats) -> Bools:
@@ -156,7 +156,7 @@ class Box:
     highest_m: tuple[float, float, float]
 
     def __post_init__(self) -> None:
-        check_place("Box", lowest_m=self.lowest_m, highest_m=self.highest_m)
+        set_places(self, "lowest_m", "highest_m")
         if not all(low < high for low, high in zip(self.lowest_m, self.highest_m, strict=True)):
             raise RangeError(f"Box {self.lowest_m} to {self.highest_m}; allowed: each of the first below the second")
 

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtri, stdtrit
 
 from pss.errors import RangeError, ShapeError
+from pss.inputs import numbers
 from pss.surrogates.orders import as_cloud, balanced_order
 from pss.surrogates.points import Surrogate
 
@@ -225,7 +226,7 @@ def _checked_quantile(tolerance: float, confidence: float) -> float:
 
 def _as_settings(inverse_sigma: ArrayLike, count: int) -> Floats:
     """`inverse_sigma` as (K, `count`)."""
-    values = np.asarray(inverse_sigma, dtype=float)
+    values = numbers(inverse_sigma, "inverse_sigma", f"({count},) or (K, {count})")
     if values.ndim not in (1, 2) or values.shape[-1] != count or values.size == 0:
         raise ShapeError(f"inverse_sigma has shape {values.shape}; allowed is ({count},) or (K, {count})")
     if not (np.isfinite(values) & (values >= 0)).all():
