@@ -13,6 +13,7 @@ from pss.riccati import steady_state_covariance_from_information
 from pss.visibility import VISIBILITY_TESTS
 from scenes import load_scene
 from tests.conftest import ROOM_FILE
+from validate import run_sweep
 from validate.bank.consistency import anisotropy, crossed_mean, of_errors, sandwich
 from validate.bank.design import BankDesign, draw_configurations, held_out_views, training_views
 from validate.bank.measured import BankData, measure_all
@@ -98,6 +99,43 @@ def test_training_and_held_out_views_share_nothing(room):
         assert 0 < z < 3
         assert design.zoom[0] <= camera.zoom <= design.zoom[1]
     assert len(held_out.wanted) == 21 * design.turns
+
+
+def test_a_bank_of_cameras_that_cannot_zoom_has_one_zoom():
+    """lens.max_zoom = 1 leaves no range to draw from, and 2 a part of the design's."""
+    for max_zoom, low, high in ((1.0, 1.0, 1.0), (1.5, 1.5, 1.5), (2.0, 1.5, 2.0)):
+        still = tuple(f"cameras.{number}.zoom=1" for number in range(1, 8))
+        scene = load_scene(ROOM_FILE, (f"lens.max_zoom={max_zoom}", *still))
+        for bank in (held_out_views, training_views):
+            zooms = [camera.zoom for camera in bank(scene, BankDesign(settings=5), "r").cameras]
+            assert low <= min(zooms) <= max(zooms) <= high
+    assert len(set(zooms)) > 1
+
+
+def test_a_bank_looks_where_cameras_can_and_focuses_where_lenses_can(room):
+    """Cameras under the ceiling that look straight down, and a focus that scatters over any distance."""
+    above = dataclasses.replace(room.cameras[0], position_m=(*room.state.points_m.mean(axis=0)[:2], 2.95), name="above")
+    scene = dataclasses.replace(room, cameras=(above,))
+    views = held_out_views(scene, BankDesign(settings=40, focus_spread=5.0), "r")
+    assert len(views.wanted) == 80
+    assert min(camera.tilt_deg for camera in views.cameras) < -80
+
+
+def test_too_little_for_a_bank_is_refused_before_anything_is_rendered(tmp_path, capsys):
+    text = ROOM_FILE.read_text().replace("[[cameras]]", "[[skipped]]").replace("[[skipped]]", "[[cameras]]", 3)
+    head, *cameras = text.split("[[skipped]]")
+    rest = cameras[-1].partition("\n[")[2]
+    (tmp_path / "three.toml").write_text(head + "[" + rest)
+    out = ("--out", str(tmp_path / "out"), "--store", str(tmp_path / "store"))
+    for arguments, message in (
+        (("--scene", str(tmp_path / "three.toml")), "three.toml: 3 cameras; allowed: 4 or more, as configurations"),
+        (("--configurations", "2"), "--configurations 2; allowed: 3 or more, to be ranked"),
+        (("--settings", "0"), "--settings 0; allowed: 1 or more"),
+        (("--turns", "0"), "--turns 0; allowed: 1 or more"),
+    ):
+        assert run_sweep.main(["bank", *arguments, *out]) == 2
+        assert message in " ".join(capsys.readouterr().err.split())
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("size", [2, 4, 6])

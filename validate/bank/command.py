@@ -12,11 +12,12 @@ import numpy as np
 import tyro
 from rich.table import Table
 
+from pss import RangeError
 from pss.json_text import json_text
 from pss.noise import Calibration
 from render import backend
 from render.view import random_stream
-from scenes import load_scene
+from scenes import Scene, load_scene
 from scenes.sweep_file import SWEEPS
 from validate.acquire import Acquired
 from validate.bank.ceilings import oracle_rows, parts_rows
@@ -57,6 +58,8 @@ COUNTS = (2, 3, 4, 6)
 WIDTH = 140
 # The camera count whose configurations are tracked by the filter as well, and the one of the headline.
 HEADLINE = 4
+# Ranks of two are always in one order or the other.
+FEWEST_CONFIGURATIONS = 3
 # Noise models whose parts are exchanged for what was measured.
 PARTS_OF = ("as-printed", "corrected", "physical", "calibrated")
 
@@ -101,6 +104,8 @@ def run(
     """
     scale.check()
     design = BankDesign(settings=settings, trials=trials, turns=turns, seed=seed)
+    if configurations < FEWEST_CONFIGURATIONS:
+        raise RangeError(f"--configurations {configurations}; allowed: {FEWEST_CONFIGURATIONS} or more, to be ranked")
     check_folders(out, store)
     with RunMessages(quiet, width=WIDTH) as messages:
         chosen = backend.choose(variant)
@@ -127,14 +132,23 @@ def _banks(
 ) -> list[ViewBank]:
     """The training bank, the one to be judged and, if there is another room, that of the second."""
     first = load_scene(scene or SWEEPS.parent / "room.toml", overrides, allow_outside=allow_outside)
+    _check_cameras(first)
     training = training_views(first, design, chosen.identity)
     held_out = held_out_views(first, design, chosen.identity)
     second_path = second_scene or SWEEPS.parent / SECOND_SCENE
     banks = [training, held_out]
     if second_path.exists():
         other_scene = load_scene(second_path, allow_outside=allow_outside)
+        _check_cameras(other_scene)
         banks.append(held_out_views(other_scene, design, chosen.identity))
     return banks
+
+
+def _check_cameras(scene: Scene) -> None:
+    """Refuse, before anything is rendered, a scene of too few cameras for the headline's configurations."""
+    if len(scene.cameras) < HEADLINE:
+        count = f"{len(scene.cameras)} camera" + "s" * (len(scene.cameras) != 1)
+        raise RangeError(f"{scene.path}: {count}; allowed: {HEADLINE} or more, as configurations take {HEADLINE}")
 
 
 def _judge_all(

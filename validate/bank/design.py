@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import PTZCamera, RangeError
+from pss.camera import MAX_ABS_TILT_DEG
 from render.sampling import Sampling
 from render.view import random_stream
 from scenes import Scene
@@ -32,6 +33,10 @@ FROM_WALL_M = 0.2
 HEIGHTS = (0.6, 0.95)
 # Attempts to draw another configuration before all that there are count as found.
 MOST_ATTEMPTS = 100
+# Of the image distance: a lens has no image of what is nearer.
+NEAREST_FOCUS = 2.0
+# Degrees of tilt that stay free for the turned renders.
+TILT_LEFT_DEG = 1.0
 
 
 @dataclass(frozen=True)
@@ -63,6 +68,9 @@ class BankDesign:
     def __post_init__(self) -> None:
         if self.trials < FEWEST_TRIALS:
             raise RangeError(f"--trials {self.trials}; allowed: {FEWEST_TRIALS} or more (one has no spread)")
+        for name in ("settings", "turns"):
+            if getattr(self, name) < 1:
+                raise RangeError(f"--{name} {getattr(self, name)}; allowed: 1 or more")
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,13 +163,20 @@ def _bank(scene: Scene, cameras: Sequence[PTZCamera], design: BankDesign, render
 
 
 def _setting(camera: PTZCamera, middle_m: Floats, design: BankDesign, rng: np.random.Generator) -> PTZCamera:
-    low, high = design.zoom
-    zoom = math.exp(rng.uniform(math.log(low), math.log(min(high, camera.max_zoom))))
+    # A camera that zooms less than the design asks for is used as far as it goes; one that cannot zoom stays as it is.
+    low, high = (min(zoom, camera.max_zoom) for zoom in design.zoom)
+    # Of a logarithm and back, an end of the range may come out beyond it.
+    zoom = min(max(math.exp(rng.uniform(math.log(low), math.log(high))), low), high)
     distance = float(np.linalg.norm(middle_m - camera.position_m))
-    focus = distance * math.exp(design.focus_spread * rng.standard_normal())
-    aimed = dataclasses.replace(camera, zoom=zoom, focus_distance_m=focus).aimed_at(middle_m)
-    pan, tilt = design.aim_share * aimed.horizontal_fov_deg * rng.uniform(-1, 1, size=2)
-    return dataclasses.replace(aimed, pan_deg=aimed.pan_deg + float(pan), tilt_deg=aimed.tilt_deg + float(tilt))
+    nearest = NEAREST_FOCUS * dataclasses.replace(camera, zoom=zoom).image_distance_m
+    focus = max(distance * math.exp(design.focus_spread * rng.standard_normal()), nearest)
+    zoomed = dataclasses.replace(camera, zoom=zoom, focus_distance_m=focus)
+    middle_pan_deg, middle_tilt_deg = zoomed.direction_to(middle_m)
+    pan, tilt = design.aim_share * zoomed.horizontal_fov_deg * rng.uniform(-1, 1, size=2)
+    # Settings are turned a little later on, and a camera does not look over its head.
+    most = MAX_ABS_TILT_DEG - TILT_LEFT_DEG
+    tilt_deg = min(max(middle_tilt_deg + float(tilt), -most), most)
+    return dataclasses.replace(zoomed, pan_deg=middle_pan_deg + float(pan), tilt_deg=tilt_deg)
 
 
 def draw_configurations(
