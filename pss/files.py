@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
+import errno
 import math
 import os
 import re
+import stat
 import tomllib
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from pss.errors import RangeError
 
-__all__ = ["DEEPEST_TABLE", "MOST_TOML_BYTES", "check_values", "is_inside", "read_bounded", "read_toml"]
+__all__ = [
+    "DEEPEST_TABLE",
+    "MOST_TOML_BYTES",
+    "check_values",
+    "is_inside",
+    "open_plain",
+    "read_bounded",
+    "read_toml",
+]
 
 # A hundred times the longest file that comes with the project; a thousand cameras take half of it.
 MOST_TOML_BYTES = 512 * 1024
@@ -40,14 +50,40 @@ def is_inside(path: str | os.PathLike[str], folders: Iterable[str | os.PathLike[
         return False
 
 
+def open_plain(path: str | os.PathLike[str]) -> BinaryIO:
+    """A plain file, or a link to one, open for reading bytes. Pipes and devices, which may never end, are not opened.
+
+    Raises:
+        RangeError: it is a pipe, a device or a socket.
+        OSError: it cannot be read.
+    """
+    _check_plain(os.stat(path).st_mode)
+    # Should it be another by now: a pipe that is opened so does not wait.
+    handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    try:
+        _check_plain(os.fstat(handle).st_mode)
+        return os.fdopen(handle, "rb")
+    except BaseException:
+        os.close(handle)
+        raise
+
+
+def _check_plain(mode: int) -> None:
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    if not stat.S_ISREG(mode):
+        kind = "a pipe" if stat.S_ISFIFO(mode) else "a socket" if stat.S_ISSOCK(mode) else "a device"
+        raise RangeError(f"it is {kind}; allowed: a plain file")
+
+
 def read_bounded(path: str | os.PathLike[str], most_bytes: int) -> bytes:
     """The bytes of a file that has at most `most_bytes`.
 
     Raises:
-        RangeError: it has more; one line, which starts with the size.
+        RangeError: it has more, then the line starts with the size, or it is no plain file.
         OSError: it cannot be read.
     """
-    with open(path, "rb") as file:
+    with open_plain(path) as file:
         content = file.read(most_bytes + 1)
         if len(content) > most_bytes:
             size = max(os.fstat(file.fileno()).st_size, len(content))

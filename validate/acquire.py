@@ -12,8 +12,6 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TypeVar
 
-import numpy as np
-
 from render import backend, glow
 from render.keys import light_code, light_key, state_key
 from render.light import solve_light
@@ -26,6 +24,7 @@ from validate.progress import ViewProgress
 from validate.reservations import in_turn
 from validate.scale.options import HERE, Scale
 from validate.store import Store, StoreError
+from validate.stored_light import load_light, save_light
 from validate.stored_views import DamagedViewError, certificate_of, render_seconds_of, save_view
 from validate.whole_files import remove_abandoned
 from validate.worker_queue import WorkerQueue
@@ -256,16 +255,16 @@ def baked(
     Args:
         solved: hears the state's hash and the seconds, if it had to be solved.
     """
-    path = store.light(light_key(state))
-    arrays = store.load(path)
-    if arrays is None:
+    key = light_key(state)
+    meshes = load_light(store, key, state)
+    if meshes is None:
         if not store.writable:
-            raise StoreError(f"{path} is missing, and its folder cannot be written; allowed is one that has it")
+            raise StoreError(
+                f"{store.light(key)} is missing, and its folder cannot be written; allowed is one that has it"
+            )
         begin = time.perf_counter()
         meshes = glow.bake(state, solve_light(state, backend.start(chosen) if chosen else None))
         took_s = time.perf_counter() - begin
-        arrays = {name: np.asarray(value) for name, value in vars(meshes).items()}
-        store.save(path, arrays, light_code().digest, {"seconds": took_s})
+        save_light(store, key, meshes, light_code().digest, took_s)
         solved(state_key(state), took_s)
-        return meshes
-    return glow.GlowMeshes(**arrays)
+    return meshes

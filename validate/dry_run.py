@@ -87,7 +87,8 @@ def forecast(wanted: Sequence[Acquisition], store: Store, renderer: str, workers
     # What is measured while others are rendered holds nothing up; what is rendered already is all that is left to do.
     afterwards_s = 0.0
     for item in to_measure:
-        rates = [_seconds(known) / known.facts["trials"] for known in _alike(measurements, item)]
+        alike = [known for known in _alike(measurements, item) if known.facts.get("trials")]
+        rates = [_seconds(known) / known.facts["trials"] for known in alike]
         of_item = item.trials * _mean(rates, EXPECTED_MEASURE_SECONDS)
         measure_s += of_item
         afterwards_s += 0.0 if item.request.key in missing else of_item

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -23,6 +24,7 @@ from render.sensor import capture, fixed_pattern
 from validate.detect import SEARCHES, Search, find_markers
 from validate.localise import localise
 from validate.store import Store
+from validate.stored_arrays import check_arrays
 from validate.stored_views import stored_view
 
 __all__ = [
@@ -40,6 +42,7 @@ Floats = NDArray[np.float64]
 APART = {
     "render.backend": "chooses the renderer, which the view's name holds",
     "render.code_digest": "makes names; what it finds is the name",
+    "validate.stored_arrays": "checks that what is read is a measurement",
     "validate.store": "keeps what is measured, and checks that it is what was written",
     "validate.stored_views": "reads views, whose code their own names hold",
     "pss.surrogates._mesh_files": "reads a mesh from its file, and the view's name holds the mesh itself",
@@ -158,9 +161,27 @@ def measure(task: MeasureTask) -> Path:
     return task.path
 
 
+def _check(arrays: Mapping[str, NDArray[np.generic]], task: MeasureTask) -> None:
+    """That a stored measurement has what `measure` writes.
+
+    Raises:
+        ValueError: other keys, shapes or kinds of numbers; a covariance without a pixel, or a pixel without one.
+    """
+    trials, markers = task.trials, len(task.marker_ids)
+    check_arrays(
+        arrays,
+        {"pixels": (trials, markers, 2), "covariance": (trials, markers, 2, 2), "strangers": (), "seconds": ()},
+    )
+    known = np.isfinite(arrays["pixels"]).all(axis=-1)
+    if (known != np.isfinite(arrays["covariance"]).all(axis=(-2, -1))).any():
+        raise ValueError("detections and covariances do not fit each other")
+    if not (np.isfinite(arrays["seconds"]) and arrays["strangers"] >= 0):
+        raise ValueError("its seconds or its number of strangers are none")
+
+
 def load_measurement(task: MeasureTask) -> ViewMeasurement | None:
     """The stored measurement of a view, or None."""
-    arrays = Store(task.store).load(task.path)
+    arrays = Store(task.store).load(task.path, lambda arrays: _check(arrays, task))
     if arrays is None:
         return None
     return ViewMeasurement(

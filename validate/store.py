@@ -18,31 +18,27 @@ import dataclasses
 import hashlib
 import io
 import logging
-import math
 import os
-import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss import RangeError
+from validate.stored_arrays import Arrays, read_arrays
 from validate.sums import FileSum, add_sum, read_sums, sum_of, sum_path
 from validate.whole_files import StoreError, atomic_path, discard_unfinished, write_text
 
 __all__ = ["DAMAGED", "Store", "StoreError", "atomic_path", "discard_unfinished", "write_text"]
 
-Arrays = dict[str, NDArray[np.generic]]
 T = TypeVar("T")
 
 # Folder in a store for what is set aside.
 DAMAGED = "damaged"
 # Times that a file may change under a reader's eyes, by other processes that write the same name.
 MOST_CHANGES = 20
-# Of an archive, unpacked: the light of the largest scene takes a tenth of it.
-MOST_BYTES = 2**30
 
 _log = logging.getLogger(__name__)
 # Folders whose older files this process has said that it gives sums.
@@ -107,6 +103,8 @@ class Store:
         """
 
         def add(temporary: Path) -> None:
+            if os.path.lexists(sum_path(path)) and not sum_path(path).is_file():
+                self._set_sum_aside(path)
             add_sum(path, sum_of(temporary, facts))
 
         with atomic_path(path, needed_bytes=needed_bytes, before_rename=add) as temporary:
@@ -184,14 +182,41 @@ class Store:
         said = ({"version": version} if version else {}) | (facts or {})
         self.write(path, lambda temporary: _write_bytes(temporary, data), said, len(data))
 
-    def load(self, path: Path) -> Arrays | None:
-        """The arrays of one of the store's paths; None where there is nothing (or nothing whole)."""
-        return self.read(path, _read_arrays)
+    def load(self, path: Path, check: Callable[[Arrays], object] = lambda arrays: None) -> Arrays | None:
+        """The arrays of one of the store's paths; None where there is nothing (or nothing whole).
+
+        Args:
+            check: raises an exception where the arrays are not those that belong at this path: then the file is set
+                aside, as other damage is.
+        """
+
+        def read(path: Path) -> Arrays:
+            arrays = read_arrays(path)
+            check(arrays)
+            return arrays
+
+        return self.read(path, read)
+
+    def set_aside(self, path: Path, why: str) -> None:
+        """Move the file of one of the store's paths to `damaged/`, with its sums, and report it in one line.
+
+        Raises:
+            StoreError: it cannot be moved.
+        """
+        if (identity := _identity(path)) is not None:
+            self._set_aside(path, identity, why, with_sums=True)
 
     def _found(self, path: Path) -> tuple[int, int, int] | None:
-        return _identity(path) if self.fetch(path) else None
+        if not self.fetch(path):
+            return None
+        identity = _identity(path)
+        if identity is not None and not path.is_file():
+            # A pipe or a device, which reading might never end, or a folder.
+            self._set_aside(path, identity, "it is no plain file")
+            return _identity(path) if path.is_file() else None
+        return identity
 
-    def _set_aside(self, path: Path, identity: tuple[int, int, int], why: str) -> None:
+    def _set_aside(self, path: Path, identity: tuple[int, int, int], why: str, with_sums: bool = False) -> None:
         """Move a damaged file to `damaged/`, if it is still the one that was looked at, and say so."""
         target = _free_name(self.folder / DAMAGED / path.relative_to(self.folder))
         try:
@@ -203,7 +228,7 @@ class Store:
                 # Another process made it anew in this very moment: a whole file goes back to its name.
                 target.replace(path)
                 return
-            if read_sums(path) == []:
+            if with_sums or read_sums(path) == []:
                 sum_path(path).rename(sum_path(target))
         except FileNotFoundError:
             return  # another process was faster
@@ -212,6 +237,14 @@ class Store:
                 f"{path}: {why}; it cannot be set aside ({error.strerror}), allowed is a store that can be written"
             ) from error
         _log.warning("%s: %s; set aside as %s", path, why, target)
+
+    def _set_sum_aside(self, path: Path) -> None:
+        """Move what has the name of a sum and is no plain file out of the way."""
+        odd = sum_path(path)
+        target = _free_name(self.folder / DAMAGED / odd.relative_to(self.folder))
+        target.parent.mkdir(parents=True, exist_ok=True)
+        odd.rename(target)
+        _log.warning("%s: it is no plain file; set aside as %s", odd, target)
 
     def _adopt(self, path: Path, found: FileSum, older: bool = True) -> None:
         # A store that cannot be written is as good without: its files are read whole each time.
@@ -249,7 +282,7 @@ def _identity(path: Path) -> tuple[int, int, int] | None:
 def _sum_or_none(path: Path) -> FileSum | None:
     try:
         return sum_of(path)
-    except OSError:
+    except (OSError, RangeError):
         return None
 
 
@@ -264,26 +297,3 @@ def _free_name(path: Path) -> Path:
 
 def _write_bytes(path: Path, data: bytes) -> None:
     path.write_bytes(data)
-
-
-def _read_arrays(path: Path) -> Arrays:
-    """The arrays of an archive, of which none is larger than what the archive holds of it.
-
-    Raises:
-        OSError, ValueError and the rest of `DAMAGE`: it is none, or is damaged.
-    """
-    with zipfile.ZipFile(path) as archive:
-        members = archive.infolist()
-        size = sum(member.file_size for member in members)
-        if size > MOST_BYTES:
-            raise ValueError(f"{size} bytes; allowed: at most {MOST_BYTES}")
-        for member in members:
-            with archive.open(member) as file:
-                version = np.lib.format.read_magic(file)
-                reader = {1: np.lib.format.read_array_header_1_0, 2: np.lib.format.read_array_header_2_0}[version[0]]
-                shape, _, dtype = reader(file)
-                # numpy makes room for what the header says before it finds that there is less.
-                if dtype.hasobject or math.prod(shape) * dtype.itemsize > member.file_size:
-                    raise ValueError(f"{member.filename} does not hold {shape} of {dtype}")
-    with np.load(path, allow_pickle=False) as archive:
-        return {name: archive[name] for name in archive.files}

@@ -60,7 +60,8 @@ def stored_files(folder: Path) -> Iterator[Stored]:
     for path in folder.glob("*/**/*"):
         kind = path.relative_to(folder).parts[0]
         is_sum = path.suffix == SUFFIX and kind != DAMAGED
-        if is_sum or path.name.startswith(".") or not path.is_file():
+        # What is no plain file is listed as well: `store verify` sets it aside.
+        if is_sum or path.name.startswith(".") or path.is_dir() or not path.exists():
             continue
         beside = sum_path(path)
         size = path.stat().st_size + (beside.stat().st_size if beside.exists() else 0)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from pss import RangeError
 from render.exr import ImageFileError, ViewPlanes, read_planes, read_view, write_view
 from render.keys import view_code
 from render.view import Certificate, RenderedView, ViewRequest
@@ -131,7 +132,11 @@ def certificate_of(store: Store, request: ViewRequest) -> Certificate | None:
     path = store.view(request.key)
     facts = store.facts(path)
     if facts is not None and "certificate" in facts:
-        return Certificate.from_json(facts["certificate"])
+        try:
+            return Certificate.from_json(facts["certificate"])
+        except RangeError as error:
+            store.set_aside(path, f"its sum holds the {error}")
+            return None
 
     def read(path: Path) -> RenderedView:
         # An older file: what it says of itself has to be what was asked for.

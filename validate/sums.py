@@ -24,6 +24,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from pss import RangeError
+from pss.files import open_plain
 from pss.json_text import json_text
 from validate.whole_files import flush
 
@@ -32,6 +34,16 @@ __all__ = ["SUFFIX", "FileSum", "add_sum", "read_sums", "sum_of", "sum_path"]
 SUFFIX = ".sum"
 # Hexadecimal digits of a line's own checksum: a chance hit in 2⁶⁴ is none.
 LINE_DIGITS = 16
+# Kinds of the facts that this project's code reads; a line with others is no whole one.
+FACTS = {
+    "version": str,
+    "seconds": (int, float),
+    "pixels": int,
+    "trials": int,
+    "renderer": str,
+    "certificate": dict,
+    "adopted": bool,
+}
 
 
 @dataclass(frozen=True)
@@ -59,8 +71,21 @@ class FileSum:
         content, _, checksum = line.rpartition(" ")
         if checksum != _line_checksum(content):
             return None
-        said = json.loads(content)
-        return cls(said["bytes"], said["sha256"], said["changed_ns"], said["facts"])
+        return cls._from_json(content)
+
+    @classmethod
+    def _from_json(cls, content: str) -> FileSum | None:
+        """None where it is not what `to_line` writes, though its checksum fits: other keys or kinds of values."""
+        try:
+            said = json.loads(content)
+            found = cls(said["bytes"], said["sha256"], said["changed_ns"], said["facts"])
+        except (ValueError, KeyError, TypeError, RecursionError):
+            return None
+        whole = all(type(value) is int for value in (found.size_bytes, found.changed_ns))
+        if not whole or not isinstance(found.sha256, str) or not isinstance(found.facts, dict):
+            return None
+        fits = all(isinstance(found.facts[name], FACTS[name]) for name in FACTS.keys() & found.facts.keys())
+        return found if fits else None
 
     def same_content(self, other: FileSum) -> bool:
         """Whether both are of the same bytes."""
@@ -74,7 +99,7 @@ def sum_path(path: Path) -> Path:
 
 def sum_of(path: Path, facts: dict[str, Any] | None = None) -> FileSum:
     """Hash a file as it is now."""
-    with path.open("rb") as file:
+    with open_plain(path) as file:
         # The open file's own, should the name be another's by now.
         status = os.fstat(file.fileno())
         digest = hashlib.file_digest(file, "sha256").hexdigest()
@@ -84,9 +109,12 @@ def sum_of(path: Path, facts: dict[str, Any] | None = None) -> FileSum:
 def read_sums(path: Path) -> list[FileSum] | None:
     """The whole lines of a file's sums, oldest first; None where it has none, [] where no line is whole."""
     try:
-        text = sum_path(path).read_bytes().decode("utf-8", errors="replace")
+        with open_plain(sum_path(path)) as file:
+            text = file.read().decode("utf-8", errors="replace")
     except FileNotFoundError:
         return None
+    except (IsADirectoryError, RangeError):  # no plain file
+        return []
     return [found for line in text.splitlines() if (found := FileSum.from_line(line)) is not None]
 
 
@@ -110,7 +138,7 @@ def add_sum(path: Path, added: FileSum) -> None:
 
 
 def _last_byte(path: Path) -> bytes:
-    with path.open("rb") as file:
+    with open_plain(path) as file:
         file.seek(-1, os.SEEK_END)
         return file.read(1)
 

@@ -25,12 +25,12 @@ from validate.pixel_noise.design import Plan, Shot
 from validate.pixel_noise.laboratory import DICTIONARY, Setup
 from validate.progress import ViewProgress
 from validate.store import Store
+from validate.stored_arrays import Arrays, check_arrays
 from validate.worker_queue import WorkerQueue
 
 __all__ = ["APART", "Measured", "measure_all", "pixel_noise_code"]
 
 Floats = NDArray[np.float64]
-Arrays = dict[str, NDArray[np.generic]]
 
 # Rendered views that wait to be measured; more would only fill memory.
 MOST_WAITING = 8
@@ -101,14 +101,36 @@ def measure_all(
     """Measure every shot of a plan, in its order. Ctrl-C stops it; what is stored is found by the next run."""
     keys = [shot.request(chosen.identity).key for shot in plan.shots]
     paths = [_path(store, key, shot, seed, plan.trials) for key, shot in zip(keys, plan.shots, strict=True)]
+
     # The centre point belongs to several series.
-    loaded = {path: store.load(path) for path in dict.fromkeys(paths)}
+    def load(path: Path) -> Arrays | None:
+        return store.load(path, lambda arrays: _check(arrays, plan.trials))
+
+    loaded = {path: load(path) for path in dict.fromkeys(paths)}
     missing = {path: number for number, path in enumerate(paths) if loaded[path] is None}
     with progress_for(len(missing)) as progress:
         if missing:
             _make(plan, store, chosen, seed, keys, missing, progress)
-    loaded |= {path: store.load(path) for path in missing}
+    loaded |= {path: load(path) for path in missing}
     return [_measured(shot, loaded[path]) for shot, path in zip(plan.shots, paths, strict=True)]
+
+
+def _check(arrays: Arrays, trials: int) -> None:
+    """That a stored measurement has what `find_and_bound` gives.
+
+    Raises:
+        ValueError: other keys, shapes or kinds of numbers.
+    """
+    shapes: dict[str, tuple[int | None, ...]] = {
+        "pixels": (trials, 2),
+        "covariance": (trials, 2, 2),
+        "strangers": (),
+        "bound": (2, 2),
+        "render_noise_ratio": (),
+    }
+    check_arrays(arrays, shapes)
+    if arrays["strangers"].dtype.kind not in "iu":
+        raise ValueError("its number of strangers is none")
 
 
 def pixel_noise_code() -> Code:
@@ -174,7 +196,9 @@ def _make(
 def _view(shot: Shot, key: str, store: Store, chosen: backend.Backend) -> Arrays:
     """Radiance of a view and its sampling noise over the sensor's, from the store or rendered now."""
     path = store.folder / "pixel-noise" / key[:2] / f"{key}.npz"
-    arrays = store.load(path)
+    width, height = shot.setup.camera.resolution
+    shapes: dict[str, tuple[int | None, ...]] = {"radiance": (height, width), "render_noise_ratio": ()}
+    arrays = store.load(path, lambda arrays: check_arrays(arrays, shapes))
     if arrays is None:
         view = Renderer(shot.setup.state, shot.setup.baked(), chosen).render(shot.request(chosen.identity))
         arrays = {"radiance": view.radiance, "render_noise_ratio": np.array(view.certificate.edge_rms)}

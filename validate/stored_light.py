@@ -1,0 +1,62 @@
+"""Solved light in a store: what is read has to be the light of the scene state that is asked for."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from render.glow import GlowMeshes
+from render.state import SceneState
+from validate.store import Store
+from validate.stored_arrays import Arrays, check_arrays
+
+__all__ = ["load_light", "save_light"]
+
+
+def load_light(store: Store, key: str, state: SceneState) -> GlowMeshes | None:
+    """The lit scene that is stored under a key; None where there is none, or none that is whole.
+
+    Raises:
+        StoreError: a damaged file cannot be set aside.
+    """
+    arrays = store.load(store.light(key), lambda arrays: _check(arrays, state))
+    return None if arrays is None else GlowMeshes(**arrays)
+
+
+def save_light(store: Store, key: str, meshes: GlowMeshes, code: str, seconds: float) -> None:
+    """Store a lit scene, with the digest of the code that solved it and the s that it took.
+
+    Raises:
+        StoreError: the store cannot be written, or the disk is full.
+    """
+    arrays = {name: np.asarray(value) for name, value in vars(meshes).items()}
+    store.save(store.light(key), arrays, code, {"seconds": seconds})
+
+
+def _check(arrays: Arrays, state: SceneState) -> None:
+    """That arrays are those of `GlowMeshes`, and of the markers of `state`.
+
+    Raises:
+        ValueError: they are not; one line.
+    """
+    vertices, markers = len(arrays["vertices_m"]), len(state.markers)
+    texels = arrays["textures"].shape[-1]
+    shapes: dict[str, tuple[int | None, ...]] = {
+        "vertices_m": (vertices, 3),
+        "faces": (None, 3),
+        "radiance": (vertices,),
+        "plates_m": (markers, 4, 3),
+        "textures": (markers, texels, texels),
+        "marker_ids": (markers,),
+        "vertex_objects": (vertices,),
+        "plate_objects": (markers,),
+    }
+    check_arrays(arrays, shapes)
+    for name in ("faces", "marker_ids", "vertex_objects", "plate_objects"):
+        if arrays[name].dtype.kind != "i":
+            raise ValueError(f"{name} is {arrays[name].dtype}; allowed: whole numbers")
+    if not ((arrays["faces"] >= 0) & (arrays["faces"] < vertices)).all():
+        raise ValueError(f"faces have corners that are not there; allowed: 0 to {vertices - 1}")
+    if arrays["marker_ids"].tolist() != [marker.id for marker in state.markers]:
+        raise ValueError("its markers are not those of the scene")
+    if not all(np.isfinite(arrays[name]).all() for name in ("vertices_m", "radiance", "plates_m", "textures")):
+        raise ValueError("it holds what is no number")
