@@ -121,6 +121,28 @@ def an_archive(rng: np.random.Generator, folder: Path) -> Made:
     return "light.npz", content, said
 
 
+def a_table(rng: np.random.Generator, _folder: Path) -> Made:
+    file = chosen(rng, sorted((ROOT / "results" / "reference").glob("c*.csv")))
+    content, said = mutated_bytes(file.read_bytes(), rng, chosen(rng, (None, 400)))
+    return "configurations.csv", content, f"{file.name}: {said}"
+
+
+A_RUN = {
+    "options": {"store": "results/store", "set": "('lens.f_number=2',)", "sweeps": "('zoom',)", "trials": "None"},
+    "sweeps": {"zoom": {"trials": 20, "values": [1.0, 2.5]}},
+    "scenes": {"zoom": {"room": {"width_m": 6.0}, "cameras": [{"name": "1"}]}},
+    "failed": {},
+}
+
+
+def a_run_file(rng: np.random.Generator, _folder: Path) -> Made:
+    if rng.random() < 0.4:
+        content, said = mutated_bytes(json.dumps(A_RUN).encode(), rng)
+        return "run.json", content, said
+    document, said = mutated_document(A_RUN, rng)
+    return "run.json", written(document, ":").encode(), said
+
+
 def a_fault(rng: np.random.Generator, _folder: Path) -> Made:
     return "fault.txt", b"", "nothing"
 
@@ -201,6 +223,33 @@ def read_archive(path: Path) -> None:
         raise PSSError("nothing whole")
 
 
+def read_table(path: Path) -> None:
+    from validate.csv_files import number_in, read_csv, read_head
+    from validate.report.columns import Columns
+
+    rows = read_csv(path)
+    assert len(read_head(path)) >= 1
+    if rows:
+        assert all(len(row) == len(rows[0]) for row in rows)
+        number_in(rows[0], "value" if "value" in rows[0] else "spearman")
+        for column in ("pss", "spearman", "value", "rms_m"):
+            if column in rows[0]:
+                assert Columns(rows, (len(rows),))[column].shape == (len(rows),)
+
+
+def read_run_file(path: Path) -> None:
+    from validate.report.command import _run_of
+    from validate.run_file import listed, needed, option
+    from validate.side_by_side.runs import Side
+
+    assert Side("a", path.parent, {}).settings() is not None
+    options = _run_of(path.parent)["options"]
+    needed(path.parent, options, "store")
+    option(path.parent, options, "trials")
+    listed(path.parent, options, "set")
+    listed(path.parent, options, "sweeps")
+
+
 def read_fault(path: Path) -> None:
     """What a campaign has to notice, one after the other."""
     match sum(1 for _ in path.parent.glob("seen-*")):
@@ -228,6 +277,8 @@ KINDS: dict[str, tuple[Callable[[np.random.Generator, Path], Made], Callable[[Pa
     "backdrop": (a_backdrop, read_xml),
     "view": (a_view, read_exr),
     "archive": (an_archive, read_archive),
+    "table": (a_table, read_table),
+    "run file": (a_run_file, read_run_file),
     "fault": (a_fault, read_fault),
 }
 

@@ -29,6 +29,8 @@ KINDS = {
     "backdrop": (10, 60),
     "view": (20, 200),
     "archive": (10, 40),
+    "table": (20, 300),
+    "run file": (20, 300),
 }
 
 

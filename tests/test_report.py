@@ -392,3 +392,46 @@ def test_a_run_of_an_older_version_is_to_be_run_again(made, tmp_path):
     write_csv(older / "configurations.csv", of)
     with pytest.raises(StoreError, match="older version, without budget_detector; run it again"):
         read_sweeps(older)
+
+
+# ---- tables that were changed ----------------------------------------------------------------------------------------
+
+# A few of those that 200 random changes were tried with.
+CHANGES = {
+    "half of the points": ("points", lambda text: text[: len(text) // 2], r"points\.csv: line \d+ has|points\.csv has"),
+    "no points": ("points", lambda text: text.partition("\n")[0] + "\n", r"no row in points\.csv"),
+    "a point less": ("points", lambda text: text[: text[:-1].rindex("\n") + 1], r"points\.csv has \d+ rows of"),
+    "a word in a number's place": (
+        "points",
+        lambda text: text.replace(text.split("\n")[3].split(",")[-1], "x", 1),
+        r"points\.csv: line \d+: nees_detections = 'x'; allowed: a number",
+    ),
+    "a word in an interval's place": (
+        "correlation",
+        lambda text: re.sub(r"(?m)^((?:[^,\n]*,){8})[-0-9.]+", r"\1x", text, count=1),
+        r"correlation\.csv: line \d+: spearman_ci_low = 'x'",
+    ),
+    "another column": (
+        "configurations",
+        lambda text: text.replace("noise_model", "model", 1),
+        r"configurations\.csv: line 2: there is no column 'noise_model'",
+    ),
+    "no detections": ("detection", lambda text: text.partition("\n")[0] + "\n", r"no row in detection\.csv"),
+    "bytes": ("claims", lambda text: "\ud800", "is no text"),
+}
+
+
+@pytest.mark.parametrize("what", CHANGES)
+def test_a_table_that_was_changed_is_one_line(made, tmp_path, what):
+    """With the file, and where it can be, the line in it; until now some were tracebacks."""
+    name, change, message = CHANGES[what]
+    for path in made.out.glob("*.csv"):
+        text = path.read_text(encoding="utf-8")
+        new = change(text) if path.stem == name else text
+        (tmp_path / path.name).write_text(new, encoding="utf-8", errors="surrogatepass")
+
+    def report():
+        return [section_of(table, "a", steps) for table, steps in zip(read_sweeps(tmp_path), made.steps, strict=True)]
+
+    with pytest.raises(StoreError, match=message):
+        report()

@@ -7,13 +7,22 @@ spreadsheets do not show and `read_csv` takes away. Numbers stay numbers.
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import io
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
-__all__ = ["csv_text", "read_csv", "read_head"]
+from pss import RangeError
+from pss.files import open_plain
+from validate.whole_files import StoreError
+
+__all__ = ["Row", "csv_text", "number_in", "read_csv", "read_head"]
+
+# Characters, of what is quoted in a message.
+LONGEST_VALUE, LONGEST_LIST = 60, 600
 
 # With the apostrophes that a text has of its own before such a sign: what is read is what was written.
 _COMPUTED = re.compile(r"'*[=+\-@\t\r\n\uff1d\uff0b\uff0d\uff20]")
@@ -32,18 +41,96 @@ def csv_text(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     return text.getvalue()
 
 
-def read_csv(path: Path) -> list[dict[str, str]]:
-    """The rows of a CSV file by the names in its head, as they were before `csv_text`."""
-    with path.open(encoding="utf-8-sig", newline="") as file:
-        reader = csv.reader(file)
-        head = _texts(next(reader, []))
-        return [dict(zip(head, _texts(row), strict=False)) for row in reader if row]
+class Row(dict[str, str]):
+    """A row of a CSV file by the names in its head; it knows its place, so that whoever misses something can name it.
+
+    Attributes:
+        place: the file and the number of the line that the row ends in.
+    """
+
+    def __init__(self, values: Mapping[str, str], place: str) -> None:
+        super().__init__(values)
+        self.place = place
+
+    def __missing__(self, column: str) -> str:
+        """Refuse a column that the file does not have.
+
+        Raises:
+            StoreError: always.
+        """
+        known = ", ".join(name if name.isprintable() else repr(name) for name in self)
+        raise StoreError(f"{self.place}: there is no column {column!r}; allowed: {known[:LONGEST_LIST]}")
+
+
+def number_in(row: Mapping[str, str], column: str) -> float:
+    """The number in a field of a row; nan where the field is empty.
+
+    Raises:
+        StoreError: it is no number, or there is no such column.
+    """
+    text = row[column]
+    try:
+        return float(text or "nan")
+    except ValueError:
+        place = row.place if isinstance(row, Row) else "a table"
+        raise StoreError(f"{place}: {column} = {text[:LONGEST_VALUE]!r}; allowed: a number, or nothing") from None
+
+
+def read_csv(path: Path) -> list[Row]:
+    """The rows of a CSV file by the names in its head, as they were before `csv_text`.
+
+    Raises:
+        StoreError: it is no CSV file of text, or a row has more or fewer fields than the head; with the line's number.
+    """
+    with _lines(path) as reader:
+        head = _checked_head(path, reader)
+        rows = []
+        for row in reader:
+            if not row:
+                continue
+            if len(row) != len(head):
+                raise StoreError(f"{path}: line {reader.line_num} has {len(row)} fields; allowed: {len(head)}")
+            rows.append(Row(dict(zip(head, _texts(row), strict=True)), f"{path}: line {reader.line_num}"))
+    return rows
 
 
 def read_head(path: Path) -> list[str]:
-    """The names of a CSV file's columns."""
-    with path.open(encoding="utf-8-sig", newline="") as file:
-        return _texts(next(csv.reader(file), []))
+    """The names of a CSV file's columns.
+
+    Raises:
+        StoreError: as `read_csv`, but for the rows.
+    """
+    with _lines(path) as reader:
+        return _checked_head(path, reader)
+
+
+@contextlib.contextmanager
+def _lines(path: Path) -> Iterator[Any]:
+    """A reader of a CSV file; what is wrong with the file becomes one line that names it."""
+    reader = None
+    try:
+        with open_plain(path) as binary, io.TextIOWrapper(binary, encoding="utf-8-sig", newline="") as file:
+            reader = csv.reader(file)
+            yield reader
+    except UnicodeDecodeError:
+        line = reader.line_num + 1 if reader is not None else 1
+        raise StoreError(f"{path}: line {line} or one soon after it is no text; allowed: a table in UTF-8") from None
+    except csv.Error as error:
+        line = reader.line_num if reader is not None else 1
+        raise StoreError(f"{path}: line {line} is no line of a CSV file ({error})") from None
+    except RangeError as error:
+        raise StoreError(f"{path}: {error}") from None
+    except StoreError:
+        raise
+    except OSError as error:
+        raise StoreError(f"{path}: {error.strerror}; allowed: a file that can be read") from None
+
+
+def _checked_head(path: Path, reader: Any) -> list[str]:
+    head = _texts(next(reader, []))
+    if twice := [name for name in head if head.count(name) > 1]:
+        raise StoreError(f"{path}: line 1 has the column {twice[0][:LONGEST_VALUE]!r} twice; allowed: each once")
+    return head
 
 
 def _cell(value: object) -> object:

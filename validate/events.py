@@ -10,6 +10,7 @@ the next one begins behind it on a line of its own.
 from __future__ import annotations
 
 import datetime
+import errno
 import os
 import time
 import uuid
@@ -65,6 +66,8 @@ class EventFile:
     def _add(self, line: str) -> None:
         self.path.parent.mkdir(parents=True, exist_ok=True)
         # Opened for each line: folders are moved and disks come back while a run goes on.
+        if self.path.exists() and not self.path.is_file():
+            raise OSError(errno.EINVAL, "it is no plain file")
         handle = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
         try:
             size = os.fstat(handle).st_size

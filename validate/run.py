@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import os
 import time
 from collections.abc import Iterable, Sequence
@@ -27,6 +26,7 @@ from validate.own_metrics import failures_of
 from validate.progress import clock
 from validate.remote_store import is_address, open_store
 from validate.report.command import REPORT, of_results, source_of_report, write_report
+from validate.run_file import read_run
 from validate.run_messages import RunMessages
 from validate.scale.options import HERE, Scale
 from validate.store import Store, StoreError, write_text
@@ -272,7 +272,6 @@ def _write_run(
 def _of_last_run(folder: Path) -> dict[str, object]:
     """What the run that left a folder says of itself, such as what its figures were drawn from; empty if unknown."""
     try:
-        said = json.loads((folder / "run.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        return read_run(folder) or {}
+    except StoreError:
         return {}
-    return said if isinstance(said, dict) else {}

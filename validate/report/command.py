@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import ast
 import contextlib
 import hashlib
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -34,6 +32,7 @@ from validate.report.model_file import write_models
 from validate.report.named import Given
 from validate.report.page import Section, html_of, section_of
 from validate.report.steps import steps_of_plan
+from validate.run_file import listed, needed, option, read_run
 from validate.store import Store, StoreError, write_text
 from validate.sweep import Plan, SweepResult, plan
 
@@ -130,15 +129,15 @@ def remade(folder: Path, given: Given = NOTHING_GIVEN, strategy: Sequence[str] =
         from validate.hallway.report.files import remade_schedule
 
         return remade_schedule(folder, said, given, strategy)
-    options = {name: None if value == "None" else value for name, value in said["options"].items()}
-    store = open_store(given.store_of(folder, options["store"]))
-    chosen = backend.choose(options["variant"])
-    overrides = list(ast.literal_eval(options["set"]))
-    overrides += [f"sweep.{name}={options[name]}" for name in ("trials", "seed") if options[name] is not None]
+    options = said["options"]
+    store = open_store(given.store_of(folder, needed(folder, options, "store")))
+    chosen = backend.choose(option(folder, options, "variant"))
+    overrides = listed(folder, options, "set")
+    overrides += [f"sweep.{name}={value}" for name in ("trials", "seed") if (value := option(folder, options, name))]
     loaded = []
-    for name in ast.literal_eval(options["sweeps"]):
+    for name in listed(folder, options, "sweeps"):
         sweep = load_sweep(given.file_of(folder, "sweep", name), overrides, allow_outside=given.allow_outside)
-        scene_path = given.scene_of(folder, options["scene"])
+        scene_path = given.scene_of(folder, option(folder, options, "scene"))
         if scene_path is None:
             given.check_scene_of(folder, sweep.path, scene_path := sweep.scene_path)
         loaded.append((sweep, load_scene(scene_path, overrides, allow_outside=given.allow_outside)))
@@ -159,13 +158,11 @@ def remade(folder: Path, given: Given = NOTHING_GIVEN, strategy: Sequence[str] =
 
 
 def _run_of(folder: Path) -> dict[str, Any]:
-    try:
-        said = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+    said = read_run(folder)
+    if said is not None:
         of_what = ("schedule", "scene") if "schedule" in said else ("sweeps", "scenes")
-        if all(isinstance(said[name], dict) for name in ("options", *of_what)):
-            return dict(said)
-    except (OSError, ValueError, KeyError, TypeError):
-        pass
+        if all(isinstance(said.get(name), dict) for name in ("options", *of_what)):
+            return said
     raise StoreError(
         f"{folder} has no run.json of a run of sweeps or of a schedule; allowed: a folder that "
         f"{program_name()} SWEEP… or {program_name()} schedule has left"

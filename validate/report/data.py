@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,9 +10,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from validate.findings.tables import Row, all_of, read_tables
+from validate.csv_files import number_in, read_csv
+from validate.findings.tables import Row, all_of
 from validate.optimum import optimum
 from validate.own_metrics import OWN_COLUMN
+from validate.report.columns import Columns, check_counts, is_number, whole_number
 from validate.store import StoreError
 
 __all__ = ["KINDS", "MM", "Curve", "Kind", "SweepTable", "needed_tables", "read_sweeps", "table_of"]
@@ -19,7 +22,17 @@ __all__ = ["KINDS", "MM", "Curve", "Kind", "SweepTable", "needed_tables", "read_
 Floats = NDArray[np.float64]
 
 NEEDED = ("configurations", "points", "correlation", "claims", "detection", "views")
+DETECTION = ("visible_detected", "visible_missed", "hidden_detected", "hidden_missed")
 NEEDED_COLUMNS = tuple(f"budget_{name}" for name in ("visibility", "noise_model", "detector", "geometry"))
+# Columns that hold a number or nothing, by table; those of configurations and points are found by what they hold.
+NUMBERS = {
+    "correlation": "spearman spearman_ci_low spearman_ci_high kendall pearson_log regret oracle_regret".split(),  # noqa: SIM905
+    "claims": ["value", "ci_low", "ci_high"],
+    "agreement": "n spearman spearman_ci_low spearman_ci_high median_abs_log_ratio median_log_ratio".split(),  # noqa: SIM905
+    "strategies": "value ci_low ci_high rank rank_ci_low rank_ci_high".split(),  # noqa: SIM905
+    "ranking": ["spearman", "spearman_ci_low", "spearman_ci_high", "chosen_is_best_share", "regret"],
+    "runs": ["swaps", "lost_tracks", "aim_error_rms_m"],
+}
 MM = 1000.0
 
 
@@ -112,7 +125,7 @@ class SweepTable:
     @property
     def numeric(self) -> bool:
         """Whether the steps lie along a number."""
-        return all(_is_number(value) for value in self.values)
+        return all(is_number(value) for value in self.values)
 
     @property
     def leading_model(self) -> str:
@@ -189,12 +202,17 @@ def needed_tables(folder: Path, names: Sequence[str]) -> dict[str, list[dict[str
     """The CSV files of a run's folder, by name.
 
     Raises:
-        StoreError: one of those named is missing, or one of their columns.
+        StoreError: one of those named is missing, or one of their columns, or is no table of text and numbers; the line
+            names the file, and the line in it.
     """
-    tables = read_tables(folder)
-    missing = [f"{name}.csv" for name in names if name not in tables]
+    missing = [f"{name}.csv" for name in names if not os.path.lexists(folder / f"{name}.csv")]
     if missing:
         raise StoreError(f"{folder} has no {', '.join(missing)}; allowed is a folder that a run has left")
+    tables = {name: read_csv(folder / f"{name}.csv") for name in names}
+    for name in NUMBERS.keys() & tables.keys():
+        for row in tables[name]:
+            for column in row.keys() & set(NUMBERS[name]):
+                number_in(row, column)
     head = next(iter(tables["configurations"]), {})
     lacking = [name for name in NEEDED_COLUMNS if head and name not in head]
     if lacking:
@@ -215,6 +233,12 @@ def table_of(name: str, tables: Mapping[str, Sequence[Row]]) -> SweepTable:
     first = all_of(rows, noise_model=models[0])
     points = {model: all_of(tables["points"], noise_model=model) for model in models}
     count = len(points[models[0]]) // len(first)
+    check_counts(name, {model: len(all_of(rows, noise_model=model)) for model in models}, "configurations", len(first))
+    check_counts(name, {model: len(points[model]) for model in models}, "points", len(first) * count)
+    if not count or not tables["detection"]:
+        raise StoreError(
+            f"{name}: no row in {'detection' if count else 'points'}.csv; allowed: tables as a run left them"
+        )
     of_first_step = points[models[0]][:count]
     return SweepTable(
         name=name,
@@ -223,29 +247,11 @@ def table_of(name: str, tables: Mapping[str, Sequence[Row]]) -> SweepTable:
         values=tuple(row["value"] for row in first),
         camera_names=tuple(tuple(row["camera_names"].split()) for row in first),
         models=models,
-        steps={model: _columns(all_of(rows, noise_model=model), (len(first),)) for model in models},
-        points={model: _columns(points[model], (len(first), count)) for model in models},
-        point_ids=tuple(int(row["point"]) for row in of_first_step),
+        steps={model: Columns(all_of(rows, noise_model=model), (len(first),)) for model in models},
+        points={model: Columns(points[model], (len(first), count)) for model in models},
+        point_ids=tuple(whole_number(row, "point") for row in of_first_step),
         objects=tuple(row["object"] for row in of_first_step),
         correlation=tuple(tables["correlation"]),
         claims=tuple(tables["claims"]),
-        detection={key: int(value) for key, value in tables["detection"][0].items() if key != "sweep"},
+        detection={key: whole_number(tables["detection"][0], key) for key in DETECTION},
     )
-
-
-def _columns(rows: Sequence[Row], shape: tuple[int, ...]) -> dict[str, Floats]:
-    """The columns of numbers; an empty field is nan."""
-    columns = {}
-    for key in rows[0]:
-        fields = [row[key] for row in rows]
-        if all(not field or _is_number(field) for field in fields):
-            columns[key] = np.array([float(field) if field else np.nan for field in fields]).reshape(shape)
-    return columns
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,13 +11,13 @@ from typing import Any
 from pss.json_text import json_text
 from scenes.errors import nearest
 from validate.csv_files import read_csv, read_head
+from validate.run_file import read_run
 from validate.store import StoreError
 
 __all__ = ["Side", "settings_rows", "sides_of"]
 
 Row = dict[str, str]
 
-RUN_FILE = "run.json"
 # What may differ between two runs of one thing, or says no more than the rest.
 NOT_SETTINGS = (
     "options",
@@ -50,7 +50,7 @@ class Side:
     def table(self, name: str) -> list[Row] | None:
         """The rows of `name`.csv that are meant; None if the run left no such table, or one without a chosen column."""
         path = self.folder / f"{name}.csv"
-        if not path.is_file():
+        if not os.path.lexists(path):
             return None
         rows = read_csv(path)
         if rows and not set(self.chosen) <= set(rows[0]):
@@ -59,13 +59,9 @@ class Side:
 
     def settings(self) -> dict[str, str] | None:
         """What the run's `run.json` says, by dotted key; None without one."""
-        path = self.folder / RUN_FILE
-        if not path.is_file():
+        said = read_run(self.folder)
+        if said is None:
             return None
-        try:
-            said = json.loads(path.read_text(encoding="utf-8"))
-        except ValueError as error:
-            raise StoreError(f"{path} is no JSON: {error}; allowed is what a run left") from None
         return _flat({key: value for key, value in said.items() if key not in NOT_SETTINGS})
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,6 +29,7 @@ from validate.report.files import REPORT, stored_measurements
 from validate.report.images import pictures_of
 from validate.report.model_file import write_models
 from validate.report.named import Given
+from validate.run_file import listed, needed, option
 from validate.store import Store, StoreError, write_text
 
 __all__ = ["ScheduleForReport", "of_schedule", "remade_schedule", "write_schedule_report"]
@@ -106,15 +106,15 @@ def remade_schedule(folder: Path, said: Mapping[str, Any], given: Given, strateg
         StoreError: other strategies than the run's, its files have changed since, or the store lacks what it used.
     """
     options = said["options"]
-    used = tuple(ast.literal_eval(options["strategy"]))
+    used = tuple(listed(folder, options, "strategy"))
     if tuple(strategy) != used:
         wanted = " ".join(f"--strategy {each}" for each in used) or "no --strategy"
         raise StoreError(f"{folder} was made with {wanted}; allowed: the same again, as such files are run")
-    overrides = list(ast.literal_eval(options["overrides"]))
-    store = open_store(given.store_of(folder, options["store"]))
-    schedule = given.file_of(folder, "schedule", options["schedule"])
+    overrides = listed(folder, options, "overrides")
+    store = open_store(given.store_of(folder, needed(folder, options, "store")))
+    schedule = given.file_of(folder, "schedule", needed(folder, options, "schedule"))
     file = load_schedule(schedule, overrides, allow_outside=given.allow_outside)
-    scene_path = given.scene_of(folder, None if options["scene"] == "None" else options["scene"])
+    scene_path = given.scene_of(folder, option(folder, options, "scene"))
     if scene_path is None:
         given.check_scene_of(folder, file.path, scene_path := file.scene_path)
     stage = stage_of(file, load_scene(scene_path, overrides, allow_outside=given.allow_outside))
@@ -124,9 +124,8 @@ def remade_schedule(folder: Path, said: Mapping[str, Any], given: Given, strateg
             "of, or a new run"
         )
     own = dict(own_strategy(each) for each in strategy)
-    variant = None if options["variant"] == "None" else options["variant"]
-    chosen = backend.choose(variant)
-    design = design_of(file, stage, steered_runs(file, stage, own), chosen.identity).without(said["failed"])
+    chosen = backend.choose(option(folder, options, "variant"))
+    design = design_of(file, stage, steered_runs(file, stage, own), chosen.identity).without(said.get("failed") or {})
     found = different(design)
     calibration = Calibration.from_file(folder / "calibrated.toml")
     measured = stored_measurements(design.wanted, store)

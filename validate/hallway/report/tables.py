@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from validate.csv_files import number_in
 from validate.findings.tables import Row, all_of
 from validate.hallway.stage import BOTH
 from validate.report.data import Kind, SweepTable, needed_tables, table_of
@@ -95,8 +96,8 @@ def read_schedule(folder: Path) -> ScheduleTable:
     return ScheduleTable(
         every,
         runs,
-        np.array([float(row["value"]) for row in steps]),
-        np.array([float(row["time_s"]) for row in steps]),
+        np.array([number_in(row, "value") for row in steps]),
+        np.array([number_in(row, "time_s") for row in steps]),
         tuple(row["assigned"] for row in first),
         *(tuple(all_of(tables[name], avatar=BOTH)) for name in ("agreement", "strategies", "ranking")),
         tuple(tables["claims"]),

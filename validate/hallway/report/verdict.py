@@ -10,6 +10,7 @@ import numpy as np
 from validate.findings.tables import Row, all_of
 from validate.hallway.agreement import ALL_RUNS
 from validate.hallway.report.tables import KIND_NAMES, ScheduleTable, number
+from validate.report.columns import whole_number
 from validate.report.data import KINDS
 from validate.report.verdict import claims, rho_words, standing_of
 
@@ -117,7 +118,7 @@ def remarks(table: ScheduleTable) -> list[str]:
         f"steps, and {by_two:.1f} are found by two: most face away, or are too small to be read. A marker that is not "
         "found counts 0 in measured PSS."
     )
-    lost = sum(int(row["lost_tracks"]) for row in table.steering)
+    lost = sum(whole_number(row, "lost_tracks") for row in table.steering)
     found.append(f"The steering lost an avatar {lost} times. Cameras aim where a tracker expects the avatars.")
     return found
 
