@@ -96,6 +96,10 @@ class Scene:
             raise SceneError([f'{self.path}: there is no camera "{name}"{hint}; allowed: {", ".join(names)}'])
         return self.cameras[names.index(name)]
 
+    def noise_model(self, name: str) -> NoiseModel:
+        """R_k by name with all else that the file sets for predictions: its sensor, [noise] but for `models`."""
+        return _noise_model(name, self._spec, self.sensor)
+
     @property
     def widest_f_number(self) -> float:
         """The smallest f-number that the lens has."""
@@ -229,15 +233,16 @@ def _auto_exposure(spec: SceneSpec) -> AutoExposure | None:
 
 
 def _noise_models(spec: SceneSpec, sensor: ImageSensor) -> tuple[NoiseModel, ...]:
-    return tuple(
-        noise_model(
-            name,
-            switched_off=spec.noise.switched_off if name in OF_THE_PAPER else (),
-            ccd_noise=sensor.ccd_noise,
-            px2_per_m2=spec.noise.px2_per_m2,
-            sensor=sensor,
-        )
-        for name in spec.noise.models
+    return tuple(_noise_model(name, spec, sensor) for name in spec.noise.models)
+
+
+def _noise_model(name: str, spec: SceneSpec, sensor: ImageSensor) -> NoiseModel:
+    return noise_model(
+        name,
+        switched_off=spec.noise.switched_off if name in OF_THE_PAPER else (),
+        ccd_noise=sensor.ccd_noise,
+        px2_per_m2=spec.noise.px2_per_m2,
+        sensor=sensor,
     )
 
 

@@ -26,8 +26,11 @@ from validate.bank.levels import blunder_row, consistency_rows, detection_rows, 
 from validate.bank.prepare import acquire_banks, calibrate, enough
 from validate.bank.sensitivity import sensitivity_rows
 from validate.bank.study import (
+    FREE_MODELS,
     asked_pairs,
+    check_models,
     data_of,
+    judged,
     noise_models,
     scene_contenders,
     verdict_of,
@@ -141,6 +144,8 @@ def _banks(
         other_scene = load_scene(second_path, allow_outside=allow_outside)
         _check_cameras(other_scene)
         banks.append(held_out_views(other_scene, design, chosen.identity))
+    for bank in banks:
+        check_models(bank.scene, "bank", FREE_MODELS)
     return banks
 
 
@@ -170,8 +175,11 @@ def _judge_all(
     (training, held_out), others = banks[:2], banks[2:]
     renders, views = (sum(counts) for counts in zip(*((len(b.wanted), len(b.views)) for b in banks), strict=True))
     tables: dict[str, list[Row]] = {}
+    predicted_with: dict[str, object] = {}
     if enough(training, held_out, HEADLINE, messages):
         calibration = calibrate(training, acquired, design, out)
+        scenes = {bank.scene.path.name: bank.scene for bank in (held_out, *others)}
+        predicted_with = {name: judged(scene_contenders(scene, calibration)) for name, scene in scenes.items()}
         counts = tuple(count for count in COUNTS if count <= len({camera.name for camera in held_out.cameras}))
         tables = judge(held_out, acquired, calibration, configurations, design.seed, counts, messages.note)
         for second in others:
@@ -189,6 +197,7 @@ def _judge_all(
         "design": asdict(design),
         "configurations": configurations,
         "scenes": {bank.scene.path.name: bank.scene.resolved() for bank in banks},
+        "predicted_with": predicted_with,
         "renderer": chosen.identity,
         "rendered": acquired.rendered,
         "measured": len(acquired.measured_items),

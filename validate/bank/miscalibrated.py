@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -13,7 +14,7 @@ from rich.table import Table
 from pss import NoiseModel
 from render import backend
 from render.view import random_stream
-from scenes import load_scene
+from scenes import Scene, load_scene
 from scenes.sweep_file import SWEEPS
 from validate.acquire import Acquired
 from validate.bank.design import BankDesign, ViewBank, draw_configurations, held_out_views, training_views
@@ -32,7 +33,10 @@ from validate.run_messages import RunMessages
 from validate.scale.options import HERE, Scale
 from validate.tables import write_csv
 
-__all__ = ["main", "run"]
+__all__ = ["main", "run", "without_effect"]
+
+# What the project's scenes list; nothing is expected of it here.
+USUAL_MODELS = ("as-printed", "corrected", "physical")
 
 Floats = NDArray[np.float64]
 
@@ -80,11 +84,27 @@ def run(
         chosen = backend.choose(variant)
         messages.console.print(str(chosen), markup=False)
         messages.start(out, "calibration-error", store=store)
+        for line in without_effect(loaded):
+            messages.warn(line)
         wanted = training_views(loaded, design, chosen.identity), held_out_views(loaded, design, chosen.identity)
         acquired, (training, bank) = acquire_banks(wanted, opened, chosen, messages, scale)
         if enough(training, bank, CAMERAS, messages):
             _rank(training, bank, acquired, design, configurations, out, messages.console)
         return messages.end(EXIT_FAILED if acquired.failed else EXIT_DONE, f"results in {out}", acquired)
+
+
+def without_effect(scene: Scene) -> list[str]:
+    """A line if a scene sets what this command has no use for: it judges the calibrated model within its own limits."""
+    told = scene.resolved()
+    noise, metric = told["noise"], told["metric"]
+    keys = [f"noise.models = {json.dumps(noise['models'])}"] if set(noise["models"]) != set(USUAL_MODELS) else []
+    keys += [f"noise.switched_off = {json.dumps(noise['switched_off'])}"] if noise["switched_off"] else []
+    keys += [f"noise.px2_per_m2 = {noise['px2_per_m2']:g}"] if noise["px2_per_m2"] != 1 else []
+    keys += [f'metric.visibility = "{metric["visibility"]}"'] if metric["visibility"] != "point" else []
+    if not keys:
+        return []
+    why = "the calibrated model is judged, within the limits that are fitted with it"
+    return [f"{scene.path}: {', '.join(keys)} without effect in calibration-error: {why}"]
 
 
 def _rank(

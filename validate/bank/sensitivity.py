@@ -31,17 +31,18 @@ FACTORS = ("distance", "incidence", "resolution", "defocus")
 def variants(scene: Scene, tests: Sequence[VisibilityTest]) -> list[tuple[Row, Contender]]:
     """The paper's models with other constants, and of each factor alone, with what tells them apart."""
     found = []
-    dark = scene.sensor.ccd_noise
+    dark, noise = scene.sensor.ccd_noise, scene.resolved()["noise"]
+    off_in_file, scale = noise["switched_off"], noise["px2_per_m2"]
     for name in OF_THE_PAPER:
         for times in BAND:
-            scaled = noise_model(name, ccd_noise=dark, px2_per_m2=times)
-            darker = noise_model(name, ccd_noise=dark * times)
+            scaled = noise_model(name, switched_off=off_in_file, ccd_noise=dark, px2_per_m2=scale * times)
+            darker = noise_model(name, switched_off=off_in_file, ccd_noise=dark * times, px2_per_m2=scale)
             for constant, model in (("px2_per_m2", scaled), ("ccd_noise", darker)):
                 row: Row = {"noise_model": name, "varied": constant, "times": times}
                 found.append((row, Contender(f"{name}, {constant} × {times:g}", model, tuple(tests))))
         for kept in FACTORS:
             off = [factor for factor in FACTORS if factor != kept]
-            model = noise_model(name, switched_off=off, ccd_noise=dark)
+            model = noise_model(name, switched_off=off, ccd_noise=dark, px2_per_m2=scale)
             row = {"noise_model": name, "varied": f"{kept} alone", "times": 1.0}
             found.append((row, Contender(f"{name}, {kept} alone", model, tuple(tests))))
     return found

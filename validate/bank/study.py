@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import dataclasses
+import json
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pss import METRICS, Appearance, NoiseModel, noise_model
+from pss import METRICS, Appearance, NoiseModel
 from pss.legibility import TARGET_VISIBILITY, within_limits
 from pss.noise import CALIBRATION_FACTORS, Calibration
 from pss.views import Views
 from pss.visibility import VISIBILITY_TESTS, VisibilityTest
 from render.view import random_stream, state_key
-from scenes import Scene
+from scenes import Scene, SceneError
 from validate.acquire import Acquired
 from validate.bank.design import ViewBank, draw_configurations
 from validate.bank.measured import BankData, measure_all
@@ -27,7 +29,9 @@ __all__ = [
     "appearance_of",
     "asked_pairs",
     "calibrated",
+    "check_models",
     "data_of",
+    "judged",
     "limits_of",
     "noise_models",
     "predictions",
@@ -78,8 +82,9 @@ def limits_of(bank: ViewBank, data: BankData, acquired: Acquired) -> FittedLimit
 
 
 def noise_models(scene: Scene, calibration: Calibration) -> list[NoiseModel]:
-    """The R_k that are judged in a scene, with its own sensor."""
-    free = [noise_model(name, sensor=scene.sensor, ccd_noise=scene.sensor.ccd_noise) for name in FREE_MODELS]
+    """The R_k that are judged in a scene, with its own sensor, switched-off factors and scale of Eq. 11."""
+    # Under the names that the tables have, which a model without some of its factors would extend.
+    free = [dataclasses.replace(scene.noise_model(name), name=name) for name in FREE_MODELS]
     return [*free, NoiseModel(calibration.name, calibration.factors(scene.sensor, scene.sensor.ccd_noise))]
 
 
@@ -90,17 +95,42 @@ def visibilities(scene: Scene, calibration: Calibration) -> dict[str, tuple[Visi
 
 
 def scene_contenders(scene: Scene, calibration: Calibration) -> list[Contender]:
-    """What is judged in a scene: each R with the paper's visibility, and those that know of whole markers."""
-    models, visible = (
-        {model.name: model for model in noise_models(scene, calibration)},
-        visibilities(scene, calibration),
-    )
+    """What is judged in a scene: each R with the scene's [metric], and those that know of whole markers in any case."""
+    models = {model.name: model for model in noise_models(scene, calibration)}
+    visible = visibilities(scene, calibration)
     return [
-        *(Contender(name, models[name]) for name in FREE_MODELS),
+        *(Contender(name, models[name], scene.visibility) for name in FREE_MODELS),
         Contender(PHYSICAL_WHOLE, models["physical"], visible["whole markers"]),
-        Contender(CALIBRATED_R, models[calibration.name]),
+        Contender(CALIBRATED_R, models[calibration.name], scene.visibility),
         Contender(FULL_MODEL, models[calibration.name], visible["fitted limits"]),
     ]
+
+
+def judged(contenders: Sequence[Contender]) -> dict[str, dict[str, list[str]]]:
+    """What was predicted with, for run.json: by the contender's name, the factors of its R and its visibility tests."""
+    return {
+        contender.name: {
+            "noise": [factor.name for factor in contender.noise.factors],
+            "visibility": [test.name for test in contender.visibility],
+        }
+        for contender in contenders
+    }
+
+
+def check_models(scene: Scene, command: str, used: Collection[str]) -> None:
+    """Refuse a scene whose list of noise models is not that of a command which compares the same ones always.
+
+    Args:
+        used: those that need no calibration; of them, "identity" may be in the file or not.
+
+    Raises:
+        SceneError: with the list and what is allowed.
+    """
+    models = list(scene.resolved()["noise"]["models"])
+    needed = [name for name in used if name != "identity"]
+    if not set(needed) <= set(models) <= set(used):
+        allowed = f"allowed with {command}, whose tables compare all of these: {json.dumps(needed)}, in any order"
+        raise SceneError([f"{scene.path}: noise.models = {json.dumps(models)}; {allowed}"])
 
 
 def asked_pairs() -> list[tuple[str, str]]:

@@ -17,6 +17,7 @@ from render import backend
 from scenes import load_scene
 from scenes.schedule_file import load_schedule
 from validate.acquire import Acquired, acquire, with_whole_views
+from validate.bank.study import FREE_MODELS, check_models, judged, scene_contenders
 from validate.compare import correlation_rows
 from validate.console import Console
 from validate.dry_run import announce
@@ -33,7 +34,7 @@ from validate.hallway.results import ScheduleResult, result_of
 from validate.hallway.rows import held_configuration_rows, held_point_rows, run_rows
 from validate.hallway.runs import Run, steered_runs, strategies_of
 from validate.hallway.stage import BOTH, stage_of
-from validate.hallway.study import FULL_MODEL, Design, assess_held, design_of
+from validate.hallway.study import FULL_MODEL, MODELS, Design, assess_held, design_of
 from validate.hallway.training import calibrate_hallway, training_views
 from validate.hallway.wanted import Wanted
 from validate.program import program_name
@@ -46,7 +47,7 @@ from validate.store import Store, atomic_path, write_text
 from validate.tables import detection_rows, timing_rows, view_rows, write_csv
 from validate.versions import versions
 from validate.view_names import view_names
-from validate.warnings_of_views import warn_of_render_noise, warn_of_saturation
+from validate.warnings_of_views import warn_of_darkness, warn_of_render_noise, warn_of_saturation
 
 __all__ = ["main", "run"]
 
@@ -102,6 +103,7 @@ def run(
     own = dict(own_strategy(each) for each in strategy)
     strategies_of(file, own)  # raises what is wrong with them
     stage = stage_of(file, load_scene(scene or file.scene_path, overrides, allow_outside=allow_outside))
+    check_models(stage.scene, "schedule", FREE_MODELS)
     opened = open_store(store)
     with RunMessages(quiet) as messages:
         chosen = backend.choose(variant)
@@ -145,9 +147,12 @@ def _judge(
     whole = wanted.without(acquired.failed, messages)
     after_views = time.perf_counter()
     tables: dict[str, list[Row]] = {}
+    predicted_with: dict[str, object] = {}
     reported = 0.0
     if whole is not None:
         calibration = calibrate_hallway(whole.training, acquired)
+        contenders = scene_contenders(whole.design.stage.scene, calibration)
+        predicted_with = {**judged([each for each in contenders if each.name in MODELS])}
         write_text(folder / "calibrated.toml", calibration.to_toml())
         tables, both = _leave_tables(whole, acquired, calibration, folder)
         linked_views(folder, [i.request.key for i in wanted.views if i.request.key not in acquired.failed], store)
@@ -172,9 +177,10 @@ def _judge(
             )
         _show(tables, messages.console)
     seconds = {"views": after_views - begin, "report": reported, "total": time.perf_counter() - begin}
-    _write_run(folder, options, wanted.design, chosen.identity, acquired, sorted(tables), seconds)
+    _write_run(folder, options, wanted.design, chosen.identity, acquired, sorted(tables), seconds, predicted_with)
     warn_of_render_noise(wanted.views, acquired, messages.warn, names)
     warn_of_saturation(wanted.views, acquired, messages.warn, names)
+    warn_of_darkness(wanted.views, acquired, messages.warn, names)
     return messages.end(
         EXIT_FAILED if acquired.failed else EXIT_DONE,
         f"{len({item.request.key for item in wanted.views})} views ({acquired.rendered} rendered, "
@@ -240,11 +246,13 @@ def _write_run(
     acquired: Acquired,
     tables: list[str],
     seconds: dict[str, float],
+    predicted_with: dict[str, object],
 ) -> None:
     content: dict[str, Any] = {
         "options": {name: str(value) for name, value in options.items()},
         "schedule": design.schedule.resolved(),
         "scene": design.stage.scene.resolved(),
+        "predicted_with": predicted_with,
         "walk": asdict(design.stage.walk),
         "renderer": renderer,
         "versions": versions(),
