@@ -29,7 +29,7 @@ from validate import registration, template
 from validate.acquire import baked
 from validate.bound import centre_bound, draw_finely, on_marker, pixel_sums
 from validate.detect import find_markers
-from validate.localise import BIAS_FLOOR_PX, localise
+from validate.localise import localise
 from validate.measure import measure_capture
 from validate.store import Store
 
@@ -38,6 +38,7 @@ SIZES_PX = (0, 4, 6, 8, 12, 40)
 BOUND_EVERY, SAMPLES = 5, 8
 RATIOS = (0.1, 0.25, 0.6)
 DEFOCUSED_M = (2.0, 6.0)
+_blurred_steps = template.blurred_steps
 
 
 class Room:
@@ -111,7 +112,7 @@ def table(room: Room, trials: int, zooms: list[float]) -> None:
             if exact is None or np.isfinite(pixels[:, n, 0]).sum() < trials:
                 continue
             module = scene.state.markers[n].module_m * camera.focal_px / depth[n]
-            claimed = covariance[:, n].trace(axis1=1, axis2=2).mean() / 2 - BIAS_FLOOR_PX**2
+            claimed = covariance[:, n].trace(axis1=1, axis2=2).mean() / 2
             spread, bound = pixels[:, n].var(axis=0, ddof=1).mean(), np.nan
             if len(rows) % BOUND_EVERY == 0:
                 fine, h, _ = room.drawn(camera, n, electrons)
@@ -176,23 +177,25 @@ def _true_blur(room: Room, camera, number) -> contextlib.AbstractContextManager:
     return stack
 
 
-def _gaussian(cycles, to_modules, blur_px2):
-    scale = 2 * np.pi**2 * blur_px2 * (to_modules**2).sum(axis=1)
-    return np.exp(-scale[:, None] * cycles**2)
-
-
-def _pixels_without_width(cycles, to_modules):
-    return np.ones((2, len(cycles)))
+def _gaussian(places, to_modules, blurs_px2):
+    """Steps blurred by the pixel and by a Gaussian of the disc's variance, by sums of a sampled Gaussian."""
+    at, weights = np.polynomial.hermite_e.hermegauss(24)
+    sigmas = np.sqrt(blurs_px2)[:, None] * np.hypot(*to_modules.T)
+    steps = np.zeros((len(blurs_px2), 3, *places.shape))
+    for number, sigma in enumerate(sigmas):
+        for place, weight in zip(at, weights / weights.sum(), strict=True):
+            shift = (place * sigma).reshape(2, *(1,) * (places.ndim - 1))
+            steps[number] += weight * _blurred_steps(places + shift, to_modules, np.zeros(1))[0]
+    return steps
 
 
 VARIANTS = {
     "as it is": lambda *_: contextlib.nullcontext(),
     "fitted until nothing moves": lambda *_: patch.object(localisation, "CONVERGED_SIGMAS", 1e-3),
     "blur of the camera model": _true_blur,
-    "Gaussian for the lens's disc": lambda *_: patch.object(template, "lens_transform", _gaussian),
+    "Gaussian for the lens's disc": lambda *_: patch.object(template, "blurred_steps", _gaussian),
     "no shading": lambda *_: _fixed(10, 11),
     "corners by projections alone": lambda *_: _without_corners(),
-    "pixels without width": lambda *_: patch.object(template, "pixel_transform", _pixels_without_width),
     "coarse registration alone": None,
 }
 

@@ -9,8 +9,11 @@ import pytest
 from scipy.special import ndtr
 
 from pss import ImageSensor
+from render.markers import pattern
 from tests.synthetic import DICTIONARY, SENSOR, homography
+from validate.blurred_step import blurred_steps, reach
 from validate.bound import centre_bound, draw_finely, fisher_information, pixel_sums
+from validate.exact_drawing import draw_exactly
 from validate.template import MarkerImage
 
 SAMPLES, SIZE, CENTRE = 16, 110, (54.37, 55.81)
@@ -19,6 +22,10 @@ LEVELS_E = (15.0, 250.0)
 EVEN = ImageSensor(550.0, 0.5, 4.0, 1e9, 1e5, 16, 64)
 # A slope summed over a pixel's width is that of an edge blurred by the pixel, to second order in pixel over blur.
 CLOSED_FORM = 0.01
+# Share of the contrast: of level edges, every pixel along one takes the same samples of the fine drawing.
+SAME_DRAWING_LEVEL, SAME_DRAWING = 0.52 / SAMPLES, 0.01
+# Share of the contrast, in which two numerical integrals of a few hundred points a side and a closed form agree.
+SAME_STEP = 0.003
 # Share of the contrast, RMS: the drawing's samples are black or white (most felt by the sharp image at 45°), and the
 # image's corners are an approximation.
 SAME_IMAGE, SAME_SKEWED_IMAGE = 0.007, 0.012
@@ -71,6 +78,55 @@ def test_bound_knows_the_sensor():
         for sensor in (SENSOR, ImageSensor(550.0, 0.5, 4.0, 10000.0, 6.0, 12, 64, prnu_share=0.05, dsnu_e=10.0))
     )
     assert patterned > 1.5 * plain
+
+
+@pytest.mark.parametrize(
+    ("angle", "squeeze", "skew", "disc_px", "same"),
+    [
+        (0.0, 1.0, (0.0, 0.0), 0.0, SAME_DRAWING_LEVEL),
+        (13.0, 1.0, (0.0, 0.0), 0.0, SAME_DRAWING),
+        (33.0, -0.6, (2e-4, -1e-4), 0.0, SAME_DRAWING),
+        (33.0, 0.6, (2e-4, -1e-4), 5.0, SAME_DRAWING),
+    ],
+)
+def test_the_exact_drawing_is_the_limit_of_fine_ones(angle, squeeze, skew, disc_px, same):
+    """Areas by Green's theorem against samples, pixel by pixel; a mirrored marker is as black as any."""
+    h = homography(8.0, CENTRE, angle, squeeze, skew)
+    exact = draw_exactly(DICTIONARY, 7, h, (SIZE, SIZE), disc_px)
+    fine = pixel_sums(draw_finely(DICTIONARY, 7, h, (SIZE, SIZE), (0.0, 1.0), disc_px, SAMPLES), SAMPLES)[0]
+    np.testing.assert_allclose(exact, fine, atol=same)
+
+
+def test_the_exact_drawing_holds_all_of_the_marker_or_none():
+    """The black area is the modules' own, wherever and however blurred; a marker cut by the image's edge is refused."""
+    black = (~pattern(DICTIONARY, 7)).sum()
+    for disc_px in (0.0, 3.0):
+        h = homography(7.3, CENTRE, 21.0, 1.0, (0.0, 0.0))
+        assert (1 - draw_exactly(DICTIONARY, 7, h, (SIZE, SIZE), disc_px)).sum() == pytest.approx(black * 7.3**2)
+    with pytest.raises(ValueError, match="beyond the image of 40 × 110"):
+        draw_exactly(DICTIONARY, 7, h, (SIZE, 40))
+
+
+@pytest.mark.parametrize("blur_px2", [0.0, 0.01, 0.5, 9.0])
+@pytest.mark.parametrize("per_px", [(0.1, 0.0), (0.1, 0.03), (-0.05, 0.05)])
+def test_a_blurred_step_is_its_kernel_summed(per_px, blur_px2):
+    """The closed form against sums over a sampled pixel and a sampled disc, and its slopes against differences."""
+    axis = np.array([per_px, per_px])
+    places = np.linspace(-1.1, 1.1, 41) * reach(axis[0], blur_px2)
+    steps = blurred_steps(np.stack([places, places]), axis, np.array([blur_px2]))[0, :, 0]
+    side = (np.arange(400) + 0.5) / 400 - 0.5
+    pixel = np.sort((side[:, None] * per_px[0] + side * per_px[1]).ravel())
+    across = (np.arange(500) + 0.5) / 250 - 1
+    chord = np.sqrt(1 - across**2) / np.sqrt(1 - across**2).sum()
+    radius = 2 * np.sqrt(blur_px2) * np.hypot(*per_px)
+    summed = np.searchsorted(pixel, places[:, None] + radius * across) / pixel.size @ chord
+    np.testing.assert_allclose(steps[0], summed, atol=SAME_STEP)
+    # Where the kernel has no kink between two places, slopes are differences.
+    tiny = 1e-6
+    for order in (0, 1) if blur_px2 > 0 else ():
+        ahead, behind = (blurred_steps(np.stack([places + d] * 2), axis, np.array([blur_px2])) for d in (tiny, -tiny))
+        slope = ((ahead - behind) / (2 * tiny))[0, order, 0]
+        np.testing.assert_allclose(steps[order + 1], slope, atol=0.01 * np.abs(steps[order + 1]).max())
 
 
 @pytest.mark.parametrize("disc_px", [0.0, 2.0, 5.0])

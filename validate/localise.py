@@ -38,12 +38,13 @@ FEWEST_PIXELS = 60
 # of five, so that 1 % is added to the variance (benchmarks/README.md).
 CONVERGED_SIGMAS = 0.5
 MOST_STEPS = 6
-# The ideal image is drawn anew where the fit's blur is further from it than this, as a share and in px²; within, its
-# derivative serves.
-SAME_BLUR_SHARE, SAME_BLUR_PX2 = 0.1, 0.02
-# What registration leaves as a bias that no covariance from noise can know of (px, σ per axis); RMS measured on
-# noise-free renders (benchmarks/README.md).
-BIAS_FLOOR_PX = 0.002
+# The ideal image is drawn anew where the fit's blur is further from it than this share; within, its derivative serves.
+# Sharp edges have no such share: with the blur of a lens in focus they change by no straight line.
+SAME_BLUR_SHARE = 0.1
+# What registration leaves as a bias that no covariance from noise can know of: px (σ per axis) of a marker that stands
+# on its corner, times the px of a module across its shorter side. Corners of modules make it, each a smaller part of a
+# larger marker, and none of a level one; RMS measured on noise-free drawings (benchmarks/README.md).
+CORNER_BIAS_PX2 = 0.005
 # A registration below this correlation is not the marker it was decoded as, or nearly all noise.
 SMALLEST_CORRELATION = 0.5
 # The registration must end near its start: the corners are good to about a pixel, blur and noise may triple that.
@@ -111,10 +112,10 @@ def register(
     for number in range(MOST_STEPS):
         if number < 2:
             pixels = _pixels(capture_dn, fit, half, thinning if number == 0 else 0)
-        if image is None or abs(fit.blur_px2 - image.blur_px2) > SAME_BLUR_SHARE * image.blur_px2 + SAME_BLUR_PX2:
-            image = MarkerImage(dictionary, marker_id, cv2.invert(local_scale(fit.homography))[1], fit.blur_px2)
         if pixels is None:
             return Refusal.LOST
+        if image is None or abs(fit.blur_px2 - image.blur_px2) > SAME_BLUR_SHARE * image.blur_px2:
+            image = MarkerImage(dictionary, marker_id, cv2.invert(local_scale(fit.homography))[1], fit.blur_px2)
         linearised = Linearised(pixels, fit, image, sensor)
         if linearised.covariance is None or not linearised.fit.gain_dn > 0:
             return Refusal.LOST
@@ -130,7 +131,7 @@ def register(
     to_px = local_scale(fit.homography) * half
     # Residuals larger than the noise are those of the model: then it says less of the centre, too.
     covariance = max(chi2, 1.0) * to_px @ linearised.covariance[:2, :2] @ to_px.T
-    covariance = (covariance + covariance.T) / 2 + BIAS_FLOOR_PX**2 * np.eye(2)
+    covariance = (covariance + covariance.T) / 2 + _corner_bias_px(fit.homography) ** 2 * np.eye(2)
     return Localised(centre_of(fit.homography), covariance, linearised.correlation, chi2)
 
 
@@ -149,6 +150,20 @@ def _inside(homography: Floats, reach: float, shape: tuple[int, ...]) -> bool:
 
 def _px_per_module(homography: Floats) -> float:
     return float(np.sqrt(abs(np.linalg.det(local_scale(homography)))))
+
+
+def _corner_bias_px(homography: Floats) -> float:
+    """px (σ per axis), by a kernel at the modules' corners that is no product of its two projections.
+
+    A level pixel is one; turned by 45° it is furthest from it.
+    """
+    scale = local_scale(homography)
+    u, v = cv2.invert(scale)[1]
+    share = float(np.abs(u * v).sum() / (np.hypot(*u) * np.hypot(*v)))
+    half_sum, area = float((scale**2).sum()) / 2, abs(float(np.linalg.det(scale)))
+    # A circle of a module's radius becomes an ellipse: the sum of its half axes' squares, and their product.
+    shorter = area / float(np.sqrt(half_sum + np.sqrt(max(half_sum**2 - area**2, 0.0))))
+    return CORNER_BIAS_PX2 * share / shorter
 
 
 def _near(fit: Fit, start: Floats) -> bool:

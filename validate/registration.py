@@ -171,7 +171,8 @@ class Linearised:
         u, v = _on_marker(pixels, fit.homography)
         seen = image.at(u, v)
         value = seen.value
-        value += np.float32(fit.blur_px2 - image.blur_px2) * seen.by_blur
+        if fit.blur_px2 != image.blur_px2:
+            value += np.float32(fit.blur_px2 - image.blur_px2) * seen.by_blur
         self.fit = fit if fit.gain_dn is not None else _with_levels(fit, value, dn)
         gain = np.float32(self.fit.gain_dn)
         x, y = u / half, v / half

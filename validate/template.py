@@ -3,22 +3,22 @@
 Coordinates on the marker are (u, v) in modules about its centre, u to its right and v down; its border ends at ±n/2.
 The print is a sum of corners, each the product of a step in u and a step in v. What blurs it in the image (a pixel's
 square and the disc of the lens out of focus) is drawn into the marker's plane by the local scale of the homography. A
-blurred step is that kernel's projection onto one axis, integrated, which a table along the axis holds exactly; so the
-image is exact along all edges, and at corners it is up to what the two axes' projections do not determine. Of that the
-kernel's cross-covariance c is in it, by the first two terms of exp(c ∂²/∂u∂v). Nothing is resampled.
+blurred step is that kernel's projection onto one axis, integrated, which `validate.blurred_step` has in closed form;
+so the image is exact along all edges, and at corners it is up to what the two axes' projections do not determine. Of
+that the kernel's cross-covariance c is in it, by the first two terms of exp(c ∂²/∂u∂v). Nothing is resampled.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import j1
 
 from render.markers import pattern
+from validate.blurred_step import DIAMETERS_PER_SIGMA, blurred_steps, reach
 
 __all__ = ["DIAMETERS_PER_SIGMA", "PIXEL_VARIANCE_PX2", "MarkerImage", "Seen", "sharp_image"]
 
@@ -26,16 +26,15 @@ Floats = NDArray[np.floating]
 Image = NDArray[np.float32]
 Rows = NDArray[np.int32]
 
-# Table steps a module. Between them the image is continued by its derivatives, so that what is left is of second order:
-# at 10 px a module at most 0.005 of the contrast, and as often to one side as to the other.
-STEPS = 64
-# A step's table reaches this many modules to either side: the blur of a marker that still decodes has a radius of one.
-REACH = 3
-LENGTH = 2 * REACH * STEPS
+# Cells of the table of a step: over all of the kernel, or over a module where the kernel is wider. Within a cell the
+# step is continued by its slope: a seventieth of a pixel from the cell's middle at most, where the image is sharp.
+CELLS = 64
+# Fewer than so many cells over the pixel's own width need not end where the pixel does: the lens's disc is far wider.
+FEWEST_CELLS_OF_A_PIXEL = 8
+# Lines that blur one place; more than that are of a marker that cannot be decoded.
+MOST_LINES = 6
 # px², variance of a square pixel's own width.
 PIXEL_VARIANCE_PX2 = 1 / 12
-# A disc of diameter cc has the variance cc²/16 along any axis.
-DIAMETERS_PER_SIGMA = 4.0
 # The blur's derivative is a difference over this share of its variance and as much in px².
 BLUR_STEP_SHARE, BLUR_STEP_PX2 = 0.2, 0.03
 # px per module of a marker that is seen without pixels: so many that their own width blurs nothing.
@@ -70,66 +69,152 @@ class MarkerImage:
     """
 
     def __init__(self, dictionary: str, marker_id: int, to_modules: Floats, blur_px2: float) -> None:
-        corners = _corners(dictionary, marker_id)
-        count = len(corners)
+        count = len(_corners(dictionary, marker_id))
         self.half, self.blur_px2 = (count - 1) / 2, blur_px2
-        self._steps = _steps(to_modules, blur_px2)  # (4, 2, LENGTH)
         self._cross = np.float32((blur_px2 + PIXEL_VARIANCE_PX2) * (to_modules[0] @ to_modules[1]))
-        # A line along u blurs what is nearer to it than this, in modules: at most so many lines beside the nearest.
-        disc = DIAMETERS_PER_SIGMA / 2 * math.sqrt(blur_px2) * math.hypot(*to_modules[1])
-        self._beside = max(0, min(math.ceil(disc + np.abs(to_modules[1]).sum() / 2 - 0.5), REACH - 1))
-        # Heights of the steps in v, at each step of the table along u; none beyond the marker's own lines.
-        heights = np.pad(corners, ((self._beside, self._beside), (0, 0))) @ _at_lines(self._steps[:, 0], count)
-        self._heights = np.ascontiguousarray(heights.transpose(0, 2, 1))  # (4, table, lines)
-        self._passed = np.zeros((4, heights.shape[2], heights.shape[1] + 1), dtype=np.float32)
-        np.cumsum(self._heights, axis=2, out=self._passed[..., 1:])
-        self._last = count - 1
+        self._grid = _Grid(to_modules, blur_px2, count)
+        tables = _tables(self._grid, to_modules, blur_px2)
+        across, self._down = tables[0], np.moveaxis(tables[1], 0, 1).copy()
+        # The steps along u, and in the end what is the same in all cells: what earlier steps have added up to.
+        constant = np.zeros((1, 4 * self._grid.cells), dtype=np.float32)
+        constant[:, : self._grid.cells] = 1
+        across = np.concatenate([across.reshape(self._grid.lines, -1), constant])
+        heights, passed = _windows(dictionary, marker_id, self._grid.lines)
+        self._heights, self._passed = (heights @ across).ravel(), (passed @ across).ravel()
 
     def at(self, u: Image, v: Image) -> Seen:
         """The image at (u, v), in modules, (N,) each."""
-        row, rest_u, line, step, rest_v = self._place(u, v)
-        heights, passed, down = self._heights.reshape(4, -1), self._passed.reshape(4, -1), self._steps[:, 1]
-        lines = self._heights.shape[2]
-        before, first = row * (lines + 1) + line, row * lines + line
-        value, by_u, by_blur = (passed[kind].take(before) for kind in (0, 1, 3))
+        grid, half = self._grid, np.float32(self.half)
+        first, across, rest_u = grid.place(u + half, 0)
+        line, down, rest_v = grid.place(v + half, 1)
+        # Tables lie one behind another: for each line along v those of each line along u, and of these the four kinds.
+        first += line * np.int32(grid.firsts)
+        first *= np.int32(4 * grid.cells)
+        first += across
+        value, by_u, by_blur = (self._passed[kind * grid.cells :].take(first) for kind in (0, 1, 3))
         value += 1
         by_v = np.zeros_like(value)
-        for beside in range(2 * self._beside + 1):
-            at = step + STEPS * (self._beside - beside)
-            high, high_u, high_uu, high_blur = (kind.take(first + beside) for kind in heights)
-            up, up_v, up_vv, up_blur = (kind.take(at) for kind in down)
+        for beside in range(grid.lines):
+            begin = beside * grid.firsts * 4 * grid.cells
+            high, high_u, high_uu, high_blur = (
+                self._heights[begin + kind * grid.cells :].take(first) for kind in range(4)
+            )
+            up, up_v, up_vv, up_blur = (kind.take(down) for kind in self._down[:, beside])
             value += high * up
             by_u += high_u * up
             by_v += high * up_v
-            by_blur += high_blur * up + high * up_blur
-            high_u *= self._cross
-            value += high_u * up_v
-            by_v += high_u * up_vv
-            high_uu *= self._cross
-            by_u += high_uu * up_v
-        value += rest_u * by_u
-        value += rest_v * by_v
+            high_blur *= up
+            by_blur += high_blur
+            high *= up_blur
+            by_blur += high
+            if self._cross:
+                high_u *= self._cross
+                value += high_u * up_v
+                by_v += high_u * up_vv
+                high_uu *= self._cross
+                by_u += high_uu * up_v
+        rest_u *= by_u
+        value += rest_u
+        rest_v *= by_v
+        value += rest_v
         return Seen(value, by_u, by_v, by_blur)
 
-    def _place(self, u: Image, v: Image) -> tuple[Rows, Image, Rows, Rows, Image]:
-        """Along u: step and rest in modules. Along v: nearest line, step from it in its table, and rest in modules."""
-        row, rest_u = self._step(u)
-        down, rest_v = self._step(v)
-        line = np.clip((down + STEPS // 2) // STEPS - 1, 0, self._last)
-        return row, rest_u, line, down - STEPS * (line + 1) + LENGTH // 2, rest_v
 
-    def _step(self, place: Image) -> tuple[Rows, Image]:
-        """The table's step nearest to each place, and how far beyond it the place is, in modules.
+class _Grid:
+    """Cells along both axes: over the marker's module about a place, or over the kernel where that is narrower.
 
-        A step of the fit may bring a pixel beyond the table, where all is white: it is taken for the table's end.
+    Args:
+        count: lines of the marker along an axis, a module apart.
+
+    Attributes:
+        lines: that blur one place at most, neighbours of each other.
+        firsts: of the first of these lines, how many there may be; all from before the marker to beyond it.
+        cells: of each table, one beyond either end included.
+        per_module: cells a module, along each axis.
+        shift: modules from the first of the lines to their middle.
+    """
+
+    def __init__(self, to_modules: Floats, blur_px2: float, count: int) -> None:
+        widths = [2 * reach(row, _softer(blur_px2)) for row in to_modules]
+        self.lines = min(max(math.ceil(max(widths)), 1), MOST_LINES)
+        self.firsts = count + self.lines + 1
+        self.shift = (self.lines - 1) / 2
+        self.cells, self.per_module = CELLS + 2, (float(CELLS), float(CELLS))
+        if self.lines > 1:
+            return
+        cells, sizes = zip(*(_cells(row, width) for row, width in zip(to_modules, widths, strict=True)), strict=True)
+        self.cells, self.per_module = max(cells) + 2, (1 / sizes[0], 1 / sizes[1])
+
+    def middles(self, axis: int) -> Floats:
+        """Modules of the cells' middles from the middle of the lines, (cells,)."""
+        return np.asarray((np.arange(self.cells) + 0.5 - self.cells / 2) / self.per_module[axis])
+
+    def place(self, along: Image, axis: int) -> tuple[Rows, Rows, Image]:
+        """Number of the first line that blurs a place, its cell, and the rest to the cell's middle in modules.
+
+        A step of the fit may bring a pixel beyond the tables, where all is white: it is taken for their end.
+
+        Args:
+            along: modules from the marker's first line, (N,); overwritten.
         """
-        scaled = place * np.float32(STEPS)
-        scaled += np.float32((self.half + 1) * STEPS)
-        np.clip(scaled, 0, np.float32((2 * self.half + 2) * STEPS), out=scaled)
-        nearest = np.rint(scaled)
-        scaled -= nearest
-        scaled *= np.float32(1 / STEPS)
-        return nearest.astype(np.int32), scaled
+        along += np.float32(self.lines - self.shift)
+        first = np.rint(along)
+        np.clip(first, 0, self.firsts - 1, out=first)
+        along -= first
+        along *= np.float32(self.per_module[axis])
+        along += np.float32(self.cells / 2)
+        cell = np.floor(along)
+        np.clip(cell, 0, self.cells - 1, out=cell)
+        along -= cell
+        along -= np.float32(0.5)
+        along *= np.float32(1 / self.per_module[axis])
+        return first.astype(np.int32), cell.astype(np.int32), along
+
+
+def _cells(per_px: Floats, width: float) -> tuple[int, float]:
+    """How many cells a kernel `width` modules wide has, and their size in modules.
+
+    A level pixel's kernel has an edge of its own: no cell may hold it, or all pixels along a line err alike.
+    """
+    pixel = float(np.abs(per_px).sum())
+    of_pixel = round(CELLS * pixel / width)
+    if of_pixel < FEWEST_CELLS_OF_A_PIXEL:
+        return CELLS, width / CELLS
+    size = pixel / of_pixel
+    return of_pixel + 2 * math.ceil((width - pixel) / 2 / size), size
+
+
+def _softer(blur_px2: float) -> float:
+    return blur_px2 + BLUR_STEP_SHARE * blur_px2 + BLUR_STEP_PX2
+
+
+def _tables(grid: _Grid, to_modules: Floats, blur_px2: float) -> Image:
+    """The blurred steps of a place's lines, their slope, second derivative and derivative by the blur, in each cell.
+
+    Along u and v, (2, lines, 4, cells).
+    """
+    places = np.stack([grid.middles(axis) for axis in (0, 1)])[:, None] + grid.shift - np.arange(grid.lines)[:, None]
+    softer = _softer(blur_px2)
+    sharp, soft = blurred_steps(places, to_modules, np.array([blur_px2, softer]))
+    tables = np.empty((2, grid.lines, 4, grid.cells), dtype=np.float32)
+    tables[:, :, :3] = np.moveaxis(sharp, 0, 2)
+    tables[:, :, 3] = (soft[0] - sharp[0]) / (softer - blur_px2)
+    return tables
+
+
+@lru_cache(maxsize=1024)
+def _windows(dictionary: str, marker_id: int, lines: int) -> tuple[Image, Image]:
+    """Heights along v of the `lines` steps in u at a place, and sums of all lines along v before.
+
+    Rows are the place's first line along v and, faster, along u; `lines` columns and one for the sum of all steps in u
+    before. There are `lines` of height 0 beyond the marker on either side, and so many firsts that all is white there.
+    """
+    corners = np.pad(_corners(dictionary, marker_id), lines)
+    before = np.cumsum(corners, axis=1) - corners
+    windows = np.lib.stride_tricks.sliding_window_view(corners, lines, axis=1)
+    rows = np.concatenate([windows, before[:, : windows.shape[1], None]], axis=2)
+    passed = np.cumsum(rows, axis=0) - rows
+    return rows.reshape(-1, lines + 1), passed.reshape(-1, lines + 1)
 
 
 @lru_cache(maxsize=1024)
@@ -143,68 +228,3 @@ def _corners(dictionary: str, marker_id: int) -> Image:
     """Height of the step in v of the step in u at each corner of the modules, (n + 1, n + 1), rows along v."""
     below_white = pattern(dictionary, marker_id).astype(np.float32) - 1
     return np.asarray(np.diff(np.diff(np.pad(below_white, 1), axis=0), axis=1))
-
-
-@cache
-def _frequencies() -> Floats:
-    """Cycles per module of the tables' transform, (LENGTH/2 + 1,)."""
-    return np.fft.rfftfreq(LENGTH, 1 / STEPS)
-
-
-@cache
-def _disc_table() -> tuple[Floats, Floats]:
-    """Transform of a disc of diameter 1 by cycles per diameter. Beyond, a disc lets less than 1e-4 through."""
-    cycles = np.linspace(0, 200, 20001)
-    table = np.ones_like(cycles)
-    table[1:] = 2 * j1(np.pi * cycles[1:]) / (np.pi * cycles[1:])
-    return cycles, table
-
-
-def pixel_transform(cycles: Floats, to_modules: Floats) -> Floats:
-    """Transform of a pixel's square, projected onto u and v, at `cycles` (F,) per module; (2, F)."""
-    return np.asarray(np.sinc(cycles * to_modules[:, :1]) * np.sinc(cycles * to_modules[:, 1:]))
-
-
-def lens_transform(cycles: Floats, to_modules: Floats, blur_px2: float) -> Floats:
-    """The same of the lens's disc, of the variance `blur_px2` along any axis."""
-    scale = DIAMETERS_PER_SIGMA * math.sqrt(blur_px2) * np.hypot(to_modules[:, 0], to_modules[:, 1])
-    return np.interp(scale[:, None] * cycles, *_disc_table())
-
-
-def _steps(to_modules: Floats, blur_px2: float) -> Image:
-    """A blurred step at 0, its slope, its second derivative, and its derivative by the blur; along u and v.
-
-    (4, 2, LENGTH), from −REACH to REACH modules.
-    """
-    difference = BLUR_STEP_SHARE * blur_px2 + BLUR_STEP_PX2
-    pixel = pixel_transform(_frequencies(), to_modules)
-    sharper, softer = (
-        pixel * lens_transform(_frequencies(), to_modules, blur) for blur in (blur_px2, blur_px2 + difference)
-    )
-    spectra = np.concatenate([sharper, (softer - sharper) / difference])
-    # Mass of the kernel in each step of the table, the kernel's centre in the middle; (4, LENGTH).
-    turned = np.fft.irfft(spectra, LENGTH)
-    mass = np.concatenate([turned[:, LENGTH // 2 :], turned[:, : LENGTH // 2]], axis=1)
-    steps = np.cumsum(mass, axis=1)
-    steps -= mass / 2
-    tables = np.empty((4, 2, LENGTH), dtype=np.float32)
-    tables[0], tables[3] = steps[:2], steps[2:]
-    tables[1] = mass[:2] * STEPS
-    tables[2, :, 1:-1] = (mass[:2, 2:] - mass[:2, :-2]) * (STEPS**2 / 2)
-    tables[2, :, [0, -1]] = 0
-    return tables
-
-
-def _at_lines(steps: Image, count: int) -> Image:
-    """The tables (4, LENGTH) at each of the marker's `count` lines, from a module before the first to one beyond.
-
-    (4, count, table).
-    """
-    table = (count + 1) * STEPS + 1
-    padding = max(count - REACH, 0) * STEPS + 1
-    padded = np.zeros((4, LENGTH + 2 * padding), dtype=np.float32)
-    padded[:, padding:-padding] = steps
-    padded[0, -padding:] = 1
-    first = padding + LENGTH // 2 - STEPS * (1 + np.arange(count))
-    windows = np.lib.stride_tricks.sliding_window_view(padded, table, axis=1)
-    return np.asarray(windows[:, first])
