@@ -36,6 +36,11 @@ __all__ = ["Configuration", "SweepFile", "known_sweeps", "load_sweep"]
 SWEEPS = Path(__file__).parent / "sweeps"
 """Where the sweeps that go by a bare name are."""
 
+PAPER_SCENE = Path(__file__).parent / "room.toml"
+"""The paper's scene of Figures 1 to 3."""
+PAPER_SETTINGS = {"zoom": 1, "focus_distance_m": 2}
+PAIRS_FIGURE = 3
+
 
 class SweepSpec(Spec):
     """A whole sweep file; `scene` is a path from where the file is."""
@@ -99,6 +104,21 @@ class SweepFile:
     def varies_scene(self) -> bool:
         """Whether its steps differ in more than settings and selection of the cameras: a sweep of one factor."""
         return isinstance(self._spec.vary, SceneStepsSpec)
+
+    def paper_figure(self, scene: Scene) -> int | None:
+        """The figure of the paper, 1 to 3, that this is a sweep of: its scene, and what it varies there.
+
+        None for any other: the paper claims nothing of other settings or rooms.
+        """
+        if scene.path.resolve() != PAPER_SCENE.resolve():
+            return None
+        match self._spec.vary:
+            case SettingSpec(parameter=parameter):
+                return PAPER_SETTINGS.get(parameter)
+            case SelectionSpec(always=always, values=values):
+                pairs = all(len({*chosen_names(always, value)}) == 2 for value in values)
+                return PAIRS_FIGURE if pairs else None
+        return None
 
     def resolved(self) -> dict[str, Any]:
         """The file's contents with overrides and defaults filled in: plain, JSON-serialisable, a valid sweep itself."""

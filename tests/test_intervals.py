@@ -10,7 +10,6 @@ from pss.errors import RangeError, ShapeError
 from validate import intervals
 from validate.errors3d import MeasuredErrors
 from validate.intervals import (
-    _largest_eigenvalue,
     crossed_spearman,
     interval,
     kendall,
@@ -18,10 +17,10 @@ from validate.intervals import (
     pearson_log,
     regret,
     spearman_of_groups,
-    sweep_replicates,
     tie_groups,
     weighted_spearman,
 )
+from validate.replicates import _largest_eigenvalue, sweep_replicates
 
 # Sums of some hundred terms, in another order.
 SAME_TO_ROUNDING = 1e-12

@@ -12,7 +12,7 @@ from pss import Appearance, Evaluation, PTZCamera, evaluate
 from pss.covariances import largest_standard_deviation, root_trace
 from scenes import Scene
 from validate.error_budget import propagated_errors
-from validate.errors3d import MeasuredErrors, measured_pss
+from validate.errors3d import MeasuredErrors, measured_inverse_sigma, measured_pss
 from validate.measure import ViewMeasurement
 from validate.track import Tracked, track_static
 from validate.triangulate import Triangulated, triangulate
@@ -54,6 +54,11 @@ class Measured:
     def posterior_rms_m(self) -> Floats:
         """m, (N,), √tr of the filter's updated error."""
         return root_trace(self.tracked.posterior_moment_m2)
+
+    @property
+    def inverse_filter_sigma(self) -> Floats:
+        """1/m, (N,), what each point adds to `pss_filter`."""
+        return measured_inverse_sigma(self.filter_sigma_m, self.errors.detection_rate)
 
     @property
     def pss_filter(self) -> float:

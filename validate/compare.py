@@ -10,19 +10,11 @@ from numpy.typing import NDArray
 
 from pss import METRICS, Evaluation
 from pss.metrics import CAMERAS_TO_OBSERVE
-from validate.assess import Assessment
-from validate.errors3d import measured_inverse_sigma
-from validate.intervals import (
-    SweepReplicates,
-    interval,
-    kendall,
-    oracle_regret,
-    pearson_log,
-    regret,
-    weighted_spearman,
-)
+from validate.intervals import interval, kendall, oracle_regret, pearson_log, regret, weighted_spearman
 from validate.own_metrics import best_step, own_metrics
+from validate.replicates import SweepReplicates
 from validate.sweep import SweepResult
+from validate.trends import trend
 
 __all__ = ["Correlation", "correlation_rows", "headline", "own_rows"]
 
@@ -37,13 +29,17 @@ COMPARED = ("pss", "pss-single-frame", "worst-sigma", "visible-share")
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """A number for each of S configurations, and its B resamples (B, S); None where it has none."""
+    """A number for each of S configurations, and its B resamples (B, S); None where it has none.
+
+    Of a `flat` one the order of the configurations is chance, and nothing is correlated with it.
+    """
 
     name: str
     values: Floats
     samples: Floats | None
     higher_is_better: bool
     halves: tuple[Floats, Floats] | None = None
+    flat: bool = False
 
 
 @dataclass(frozen=True)
@@ -68,13 +64,15 @@ def correlation_rows(result: SweepResult) -> list[Row]:
             for yardstick in yardsticks:
                 sign = 1 if metric.higher_is_better == yardstick.higher_is_better else -1
                 found = _correlate(metric, yardstick, sign)
+                both = (metric.values, np.full_like(metric.values, np.nan) if yardstick.flat else yardstick.values)
                 rows.append(
                     _row(result, metric.name, model, "configuration", yardstick.name, cameras, found)
                     | {
-                        "kendall": sign * kendall(metric.values, yardstick.values),
-                        "pearson_log": sign * pearson_log(metric.values, yardstick.values),
+                        "kendall": sign * kendall(*both),
+                        "pearson_log": sign * pearson_log(*both),
                         "regret": _regret(metric, yardstick),
                         "oracle_regret": oracle_regret(*yardstick.halves) if yardstick.halves else np.nan,
+                        "measured_flat": "yes" if yardstick.flat else "no",
                     }
                 )
         rows += list(_point_rows(result, model, replicates, cameras))
@@ -111,6 +109,8 @@ def headline(result: SweepResult, model: str, single_frame: bool) -> tuple[Corre
 
 
 def _correlate(metric: Series, yardstick: Series, sign: int) -> Correlation:
+    if yardstick.flat:
+        return Correlation(len(metric.values), np.nan, np.nan, np.nan)
     rho = sign * float(weighted_spearman(metric.values, yardstick.values))
     low = high = np.nan
     if metric.samples is not None and yardstick.samples is not None:
@@ -181,19 +181,19 @@ def _yardsticks(result: SweepResult, replicates: SweepReplicates) -> list[Series
     """Measured PSS of both kinds, the share of all points under 5 mm, and the median RMS over all points."""
     errors = [assessment.measured.errors for assessment in result.assessments]
     halves = [e.halves() for e in errors]
-    filtered = np.array([_inverse_filter_sigma(assessment) for assessment in result.assessments])
     under = np.array([np.linalg.norm(e.errors_m, axis=2) < SHARE_THRESHOLD_M for e in errors]).astype(float)
     share = np.einsum("bt,stn,bn->bs", replicates.trial_weights, under, replicates.point_weights, optimize=True)
+    single, filtered = (trend(result, single_frame) for single_frame in (True, False))
     return [
         Series(
             "measured_pss_single_frame",
-            result.measured_pss(True),
-            replicates.measured_pss,
+            single.values,
+            single.samples,
             True,
             result.measured_halves(),
+            single.flat,
         ),
-        # The filter's own record is long; what is left to chance is which points there are.
-        Series("measured_pss_filter", result.measured_pss(False), replicates.point_weights @ filtered.T, True),
+        Series("measured_pss_filter", filtered.values, filtered.samples, True, None, filtered.flat),
         Series(
             "share_under_5mm",
             under.mean(axis=(1, 2)),
@@ -206,11 +206,6 @@ def _yardsticks(result: SweepResult, replicates: SweepReplicates) -> list[Series
         ),
         Series("median_rms_m", np.array([e.median_rms_m for e in errors]), None, False),
     ]
-
-
-def _inverse_filter_sigma(assessment: Assessment) -> Floats:
-    measured = assessment.measured
-    return measured_inverse_sigma(measured.filter_sigma_m, measured.errors.detection_rate)
 
 
 def _point_rows(result: SweepResult, model: str, replicates: SweepReplicates, cameras: str) -> Iterator[Row]:
@@ -241,4 +236,5 @@ def _point_rows(result: SweepResult, model: str, replicates: SweepReplicates, ca
             "pearson_log": pearson_log(x, y),
             "regret": np.nan,
             "oracle_regret": np.nan,
+            "measured_flat": "",
         }

@@ -31,6 +31,7 @@ from validate.stars import star_heights
 from validate.store import Store, atomic_path
 from validate.sweep import SweepResult
 from validate.table_text import written
+from validate.trends import Trend, trend
 
 __all__ = [
     "all_drawn",
@@ -162,8 +163,8 @@ def draw_curves(axes: Axes, result: SweepResult, single_frame: bool) -> None:
     selection = result.configurations[0].parameter == "selection"
     labels = [str(configuration.value) for configuration in result.configurations]
     x = np.arange(float(len(labels))) if selection else np.array([float(c.value) for c in result.configurations])
-    measured = result.measured_pss(single_frame)
-    best = measured.max() or 1.0
+    measured = trend(result, single_frame)
+    best = measured.values.max() or 1.0
     if single_frame:
         low, high = interval(next(iter(result.replicates.values())).measured_pss)
         if np.isfinite(low).all():
@@ -171,7 +172,7 @@ def draw_curves(axes: Axes, result: SweepResult, single_frame: bool) -> None:
     colours, places = [MEASURED], [_curve(axes, x, measured, MEASURED, "o-", "measured")]
     for number, model in enumerate(result.noise_models):
         colours.append(MODEL_COLOURS[number % len(MODEL_COLOURS)])
-        predicted = result.predicted_pss(model, single_frame)
+        predicted = trend(result, single_frame, model)
         places.append(_curve(axes, x, predicted, colours[-1], "s--", f"predicted, {model}"))
     heights = star_heights(places, float(x[-1] - x[0]))
     for place, height, colour in zip(places, heights, colours, strict=True):
@@ -219,15 +220,16 @@ def write_round_numbers(axis: Axis, values: Floats) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-def _curve(axes: Axes, x: Floats, pss: Floats, colour: str, style: str, name: str) -> float | None:
+def _curve(axes: Axes, x: Floats, curve: Trend, colour: str, style: str, name: str) -> float | None:
     """Draw a curve relative to its maximum; where its optimum is, if it has one."""
-    best = optimum(pss)
-    if best is None:
+    pss, highest = curve.values, optimum(curve.values)
+    if highest is None:
         axes.plot(x, pss, style, color=colour, ms=4, lw=1.5, label=f"{name} (0 at every step)")
         return None
-    scale = pss[best]
-    axes.plot(x, pss / scale, style, color=colour, ms=4, lw=1.5, label=f"{name} (max {written(scale, 3)} /m)")
-    return float(x[best])
+    scale = pss[highest]
+    words = f"{name} ({'flat, ' if curve.flat else ''}max {written(scale, 3)} /m)"
+    axes.plot(x, pss / scale, style, color=colour, ms=4, lw=1.5, label=words)
+    return None if curve.best is None else float(x[curve.best])
 
 
 def points_figure(result: SweepResult) -> Figure:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-__all__ = ["NO_OPTIMUM", "optimum"]
+__all__ = ["FLAT", "NO_OPTIMUM", "optimum"]
 
 NO_OPTIMUM = "none"
 """What tables print where no step is best."""
+FLAT = "flat"
+"""What they print where none is told apart from another (`validate.trends`)."""
 
 
 def optimum(values: ArrayLike) -> int | None:

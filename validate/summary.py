@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.table import Table
 
 from validate.acquire import Acquired
@@ -14,11 +13,11 @@ from validate.compare import Correlation, headline, own_rows
 from validate.console import Console
 from validate.errors3d import FEWEST_TRIALS
 from validate.intervals import FEWEST_RESAMPLED, oracle_regret
-from validate.optimum import NO_OPTIMUM, optimum
 from validate.own_metrics import own_metrics, own_table
 from validate.slopes import slope_rows
 from validate.sweep import SweepResult
 from validate.tables import detection_rows
+from validate.trends import kind_words, trend, trends
 
 __all__ = ["show"]
 
@@ -31,8 +30,11 @@ def show(results: Sequence[SweepResult], acquired: Acquired, console: Console) -
         if own_metrics():
             console.print(own_table([row for result in whole for row in own_rows(result)]))
         of_factors = [result for result in whole if result.plan.sweep.varies_scene]
-        if len(of_factors) < len(whole):
-            console.print(_claims_table(whole))
+        of_paper = [result for result in whole if result.plan.sweep.paper_figure(result.plan.scene)]
+        if of_paper:
+            console.print(_claims_table(of_paper))
+        if len(of_paper) < len(whole):
+            console.print(_optima_table([result for result in whole if result not in of_paper]))
         if of_factors:
             console.print(_slopes_table(of_factors))
         console.print(_detection_table(whole))
@@ -51,24 +53,18 @@ def _correlation_table(results: Sequence[SweepResult]) -> Table:
         for model in result.noise_models:
             for single_frame in (True, False):
                 found, lost = headline(result, model, single_frame)
-                predicted, measured = result.predicted_pss(model, single_frame), result.measured_pss(single_frame)
                 regret = "" if np.isnan(lost) else f"{lost:.1%} ({oracle_regret(*halves):.1%})"
                 table.add_row(
                     result.plan.sweep.name,
                     model,
-                    "single frame" if single_frame else "filter",
+                    kind_words(single_frame),
                     _rho(found),
-                    _best_value(result, predicted),
-                    _best_value(result, measured),
+                    trend(result, single_frame, model).optimum,
+                    trend(result, single_frame).optimum,
                     regret,
                 )
         table.add_section()
     return table
-
-
-def _best_value(result: SweepResult, pss: NDArray[np.float64]) -> str:
-    best = optimum(pss)
-    return NO_OPTIMUM if best is None else str(result.configurations[best].value)
 
 
 def _rho(found: Correlation) -> str:
@@ -91,6 +87,18 @@ def _claims_table(results: Sequence[SweepResult]) -> Table:
             side = " ".join(filter(None, (str(row["side"]), str(row["noise_model"]))))
             value = f"{row['value']:.3g}{_limits(row['ci_low'], row['ci_high'], '.3g')}"
             table.add_row(row["sweep"], row["claim"], side, row["holds"], row["figure"], value)
+        table.add_section()
+    return table
+
+
+def _optima_table(results: Sequence[SweepResult]) -> Table:
+    table = Table(title="PSS over the steps of each sweep: where it is highest, times with their 95 % intervals")
+    for name in ("sweep", "kind", "side", "finding"):
+        table.add_column(name)
+    for result in results:
+        for each in trends(result):
+            side = " ".join(filter(None, (each.side, each.noise_model)))
+            table.add_row(result.plan.sweep.name, kind_words(each.single_frame), side, each.finding)
         table.add_section()
     return table
 

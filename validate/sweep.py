@@ -15,9 +15,10 @@ from render.view import random_stream, state_key
 from scenes import Configuration, Scene, SweepFile
 from validate.acquire import Acquired, Acquisition, views_of
 from validate.assess import Assessment, assess
-from validate.intervals import SweepReplicates, sweep_replicates
+from validate.flatness import exchanged_ranges
 from validate.measure import ViewMeasurement
 from validate.own_metrics import OwnScores, own_metrics, own_scores
+from validate.replicates import SweepReplicates, sweep_replicates
 
 __all__ = ["Plan", "SweepResult", "assess_sweep", "plan"]
 
@@ -64,6 +65,12 @@ class SweepResult:
     def noise_models(self) -> tuple[str, ...]:
         """Names of the noise models, in the scene's order."""
         return tuple(model.name for model in self.plan.scene.noise_models)
+
+    @cached_property
+    def exchanged_ranges(self) -> Floats:
+        """1/m, ranges of measured single-frame PSS over the steps where they are exchanged within each trial."""
+        rng = random_stream(self.plan.sweep.seed, self.plan.sweep.name, "flatness")
+        return exchanged_ranges([assessment.measured.errors for assessment in self.assessments], rng)
 
     def predicted_pss(self, model: str, single_frame: bool = True) -> Floats:
         """1/m, (S,), PSS made of C (single frame) or of P∞ (the paper's)."""

@@ -15,7 +15,7 @@ from validate.bank.study import scene_contenders
 from validate.errors3d import MeasuredErrors, measured_inverse_sigma
 from validate.hallway.results import KINDS, Curves, ScheduleResult
 from validate.hallway.study import MODELS, Held, predicted_at
-from validate.intervals import sweep_replicates
+from validate.replicates import sweep_replicates
 
 __all__ = ["OwnCameras", "own_cameras"]
 

@@ -18,8 +18,9 @@ from render.view import random_stream
 from scenes import Configuration
 from validate.assess import Assessment
 from validate.errors3d import measured_inverse_sigma
+from validate.flatness import EXCHANGES
 from validate.hallway.study import MODELS, Held
-from validate.intervals import SweepReplicates, sweep_replicates
+from validate.replicates import SweepReplicates, sweep_replicates
 from validate.sweep import REPLICATES, Plan, SweepResult
 
 __all__ = ["KINDS", "Curves", "ScheduleResult", "result_of"]
@@ -63,6 +64,11 @@ class ScheduleResult(SweepResult):
     def shape(self) -> tuple[int, int]:
         """R runs and K steps."""
         return len(self.held.steps), len(self.held.steps[0])
+
+    @cached_property
+    def exchanged_ranges(self) -> Floats:
+        """1/m; of a walk's instants the order is no question, and the ranks are judged as they are: never flat."""
+        return np.zeros(EXCHANGES)
 
     @cached_property
     def curves(self) -> dict[tuple[str, str], Curves]:

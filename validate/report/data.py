@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from validate.csv_files import number_in, read_csv
 from validate.findings.tables import Row, all_of
-from validate.optimum import optimum
+from validate.optimum import FLAT, NO_OPTIMUM, optimum
 from validate.own_metrics import OWN_COLUMN
 from validate.report.columns import Columns, check_counts, is_number, whole_number
 from validate.store import StoreError
@@ -23,6 +23,8 @@ Floats = NDArray[np.float64]
 
 NEEDED = ("configurations", "points", "correlation", "claims", "detection", "views")
 DETECTION = ("visible_detected", "visible_missed", "hidden_detected", "hidden_missed")
+# Runs of before had none.
+OPTIONAL = ("optima",)
 NEEDED_COLUMNS = tuple(f"budget_{name}" for name in ("visibility", "noise_model", "detector", "geometry"))
 # Columns that hold a number or nothing, by table; those of configurations and points are found by what they hold.
 NUMBERS = {
@@ -82,16 +84,26 @@ KINDS = (
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """PSS over a sweep's S steps, in 1/m; the ends of the 95 % interval are nan where it has none."""
+    """PSS over a sweep's S steps, in 1/m; the ends of the 95 % interval are nan where it has none.
+
+    Attributes:
+        flat: whether no step is better than another by more than chance (`validate.trends`).
+    """
 
     values: Floats
     low: Floats
     high: Floats
+    flat: bool = False
 
     @property
     def best(self) -> int | None:
-        """The step of the highest; None where no step resolves a point."""
-        return optimum(self.values)
+        """The step of the highest; None of a flat curve, and where no step resolves a point."""
+        return None if self.flat else optimum(self.values)
+
+    @property
+    def without_best(self) -> str:
+        """The word for a curve that has no best step."""
+        return NO_OPTIMUM if optimum(self.values) is None else FLAT
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +116,7 @@ class SweepTable:
         steps: by noise model and column, (S,).
         points: by noise model and column, (S, N).
         point_ids, objects: of the N points, in the tables' order.
-        correlation, claims: the sweep's rows.
+        correlation, claims, optima: the sweep's rows; runs of before `optima.csv` have none of the last.
         detection: markers over views: `visible_detected`, `visible_missed`, `hidden_detected`, `hidden_missed`.
     """
 
@@ -120,6 +132,7 @@ class SweepTable:
     objects: tuple[str, ...]
     correlation: tuple[Row, ...]
     claims: tuple[Row, ...]
+    optima: tuple[Row, ...]
     detection: dict[str, int]
 
     @property
@@ -135,16 +148,24 @@ class SweepTable:
     def predicted_pss(self, model: str, kind: Kind) -> Curve:
         """1/m, predicted by a noise model."""
         values = self.steps[model][kind.pss]
-        return Curve(values, np.full_like(values, np.nan), np.full_like(values, np.nan))
+        unknown = np.full_like(values, np.nan)
+        return Curve(values, unknown, unknown, self._flat(model, kind))
 
     def measured_pss(self, kind: Kind) -> Curve:
         """1/m, measured; the single-frame kind has an interval, and the filter's in runs that leave it."""
         columns = self.steps[self.models[0]]
         values = columns[kind.measured_pss]
         name = "measured_pss" if kind.name == "single" else kind.measured_pss
-        if f"{name}_ci_low" not in columns:
-            return Curve(values, np.full_like(values, np.nan), np.full_like(values, np.nan))
-        return Curve(values, columns[f"{name}_ci_low"], columns[f"{name}_ci_high"])
+        unknown = np.full_like(values, np.nan)
+        low, high = (columns.get(f"{name}_ci_{end}", unknown) for end in ("low", "high"))
+        return Curve(values, low, high, self._flat("", kind))
+
+    def _flat(self, model: str, kind: Kind) -> bool:
+        return any(row["flat"] == "yes" for row in all_of(self.optima, noise_model=model, kind=kind.words))
+
+    def finding(self, kind: Kind, model: str = "") -> str:
+        """Where a noise model's PSS, or ("") the measured one, is highest, in words; "" where the run has none."""
+        return next((row["finding"] for row in all_of(self.optima, noise_model=model, kind=kind.words)), "")
 
     def own_metrics(self, model: str) -> dict[str, Floats]:
         """The user's own metrics by name, (S,)."""
@@ -191,7 +212,7 @@ def read_sweeps(folder: Path) -> list[SweepTable]:
     Raises:
         StoreError: a table is missing, or holds no row of a configuration.
     """
-    tables = needed_tables(folder, NEEDED)
+    tables = needed_tables(folder, (*NEEDED, *(name for name in OPTIONAL if os.path.lexists(folder / f"{name}.csv"))))
     names = dict.fromkeys(row["sweep"] for row in tables["configurations"])
     if not names:
         raise StoreError(f"{folder}/configurations.csv has no row; allowed is a run with a configuration that was seen")
@@ -253,5 +274,6 @@ def table_of(name: str, tables: Mapping[str, Sequence[Row]]) -> SweepTable:
         objects=tuple(row["object"] for row in of_first_step),
         correlation=tuple(tables["correlation"]),
         claims=tuple(tables["claims"]),
+        optima=tuple(tables.get("optima", ())),
         detection={key: whole_number(tables["detection"][0], key) for key in DETECTION},
     )

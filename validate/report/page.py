@@ -159,6 +159,7 @@ def _words_of_sweep(section: Section) -> dict[str, Any]:
         "remarks": verdict.remarks(table),
         "verdicts": verdict.verdicts(table),
         "claims": verdict.claims(table.claims),
+        "findings": verdict.findings(table),
         "steps": _step_rows(table),
         "own": [f"{name}, {table.leading_model}" for name in table.own_metrics(table.leading_model)],
     }

@@ -11,13 +11,25 @@ import numpy as np
 from pss.legibility import LEAST_CONTRAST_OVER_NOISE
 from validate.errors3d import FEWEST_TRIALS
 from validate.findings.tables import Row
-from validate.optimum import NO_OPTIMUM
+from validate.optimum import FLAT
 from validate.report.data import KINDS, Kind, SweepTable
 
-__all__ = ["FOLLOWS_FROM", "Verdict", "claims", "in_words", "remarks", "rho_words", "standing_of", "verdicts"]
+__all__ = [
+    "FOLLOWS_FROM",
+    "Verdict",
+    "claims",
+    "findings",
+    "in_words",
+    "remarks",
+    "rho_words",
+    "standing_of",
+    "verdicts",
+]
 
 # The bound of the project's gate (README.md): an interval of ρ that lies above it is called a ranking that follows.
 FOLLOWS_FROM = 0.6
+# The standing of a prediction of a measured curve that is flat.
+NOTHING_TO_FOLLOW = "has nothing to follow"
 # How settings of cameras are said; of what else is varied, the tables' own name is.
 IN_SENTENCES = {
     "focus_distance_m": "a focus distance of {value} m",
@@ -64,7 +76,7 @@ class Verdict:
     @property
     def standing(self) -> str:
         """What the interval allows to say."""
-        return standing_of(self.rho, self.low, self.high)
+        return NOTHING_TO_FOLLOW if self.measured_optimum == FLAT else standing_of(self.rho, self.low, self.high)
 
 
 def rho_words(rho: float, low: float, high: float) -> str:
@@ -112,7 +124,7 @@ def verdicts(table: SweepTable) -> list[Verdict]:
     for model in table.models:
         for kind in KINDS:
             row = table.correlation_of(model, kind) or {}
-            chosen, best = table.predicted_pss(model, kind).best, table.measured_pss(kind).best
+            curves = (table.predicted_pss(model, kind), table.measured_pss(kind))
             found.append(
                 Verdict(
                     table.name,
@@ -122,8 +134,8 @@ def verdicts(table: SweepTable) -> list[Verdict]:
                     _number(row.get("spearman")),
                     _number(row.get("spearman_ci_low")),
                     _number(row.get("spearman_ci_high")),
-                    *(NO_OPTIMUM if step is None else table.values[step] for step in (chosen, best)),
-                    *("no step" if step is None else _said(table.labels[step]) for step in (chosen, best)),
+                    *(c.without_best if c.best is None else table.values[c.best] for c in curves),
+                    *("no step" if c.best is None else _said(table.labels[c.best]) for c in curves),
                     _number(row.get("regret")),
                     _number(row.get("oracle_regret")),
                 )
@@ -141,20 +153,38 @@ def in_words(table: SweepTable) -> str:
         once = table.steps[table.models[0]]["detected"].any()
         said = f"in {FEWEST_TRIALS} trials or more, as a measured σ takes, " if once else ""
         return f"No point was triangulated {said}at any step: there is nothing to compare the prediction with."
-    said = (
-        f"Predicted single-frame PSS (noise model {single.model}) {single.standing} the measured one over the "
-        f"{single.steps} steps: Spearman’s ρ = {single.rho_text}. "
+    if single.measured_optimum == FLAT:
+        words = f"Measured single-frame PSS is {table.finding(KINDS[0])}: there is no order to predict. "
+        words += f"Predicted (noise model {single.model}): {table.finding(KINDS[0], single.model)}."
+    else:
+        words = (
+            f"Predicted single-frame PSS (noise model {single.model}) {single.standing} the measured one over the "
+            f"{single.steps} steps: Spearman’s ρ = {single.rho_text}. "
+        )
+        words += f"It would choose {single.chosen_label}; the best measured is {single.best_label}"
+        if not math.isnan(single.regret):
+            words += f"; choosing by it loses {single.regret:.1%} of the measured PSS".replace("%", " %")
+            if not math.isnan(single.oracle_regret):
+                words += f" (choosing by one half of the trials: {single.oracle_regret:.1%})".replace("%", " %")
+        words += "."
+    if filtered.measured_optimum == FLAT:
+        return f"{words} The filter’s PSS is {table.finding(KINDS[1])}."
+    return (
+        f"{words} The paper’s own PSS, of σ∞, {filtered.standing} the filter’s: ρ = {filtered.rho_text}; it would "
+        f"choose {filtered.chosen_label}, and {filtered.best_label} is best."
     )
-    said += f"It would choose {single.chosen_label}; the best measured is {single.best_label}"
-    if not math.isnan(single.regret):
-        said += f"; choosing by it loses {single.regret:.1%} of the measured PSS".replace("%", " %")
-        if not math.isnan(single.oracle_regret):
-            said += f" (choosing by one half of the trials: {single.oracle_regret:.1%})".replace("%", " %")
-    said += (
-        f". The paper’s own PSS, of σ∞, {filtered.standing} the filter’s: ρ = {filtered.rho_text}; it would choose "
-        f"{filtered.chosen_label}, and {filtered.best_label} is best."
-    )
-    return said
+
+
+def findings(table: SweepTable) -> list[dict[str, str]]:
+    """Rows of optima.csv in words: `kind`, `side`, `finding`."""
+    return [
+        {
+            "kind": row["kind"],
+            "side": " ".join(filter(None, (row["side"], row["noise_model"]))),
+            "finding": row["finding"],
+        }
+        for row in table.optima
+    ]
 
 
 def remarks(table: SweepTable) -> list[str]:
