@@ -31,7 +31,9 @@ DISTRIBUTIONS = {
         "opencv-contrib-python",
         "opencv-python-headless",
         "opencv-python",
-    )
+    ),
+    "PIL": ("pillow",),
+    "mpl_toolkits": ("matplotlib",),
 }
 # Fields of Python's syntax tree that do not change what the code does.
 WITHOUT_MEANING = {"ctx", "kind", "type_comment"}

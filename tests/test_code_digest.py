@@ -22,6 +22,7 @@ from render.keys import light_code, random_stream, view_code
 from render.sampling import Sampling
 from render.sensor import capture
 from render.view import Renderer
+from validate.figures import APART as FIGURES_APART
 from validate.measure import APART as MEASURE_APART
 from validate.measure import MeasureTask, _words_of, measure_capture, measure_code
 from validate.pixel_noise.laboratory import DICTIONARY, Factors, Pose, Setup
@@ -226,6 +227,18 @@ def test_measurements_hang_on_nothing_that_shows_or_keeps_them():
     own = {module for module in measure_code().modules if module.startswith("validate.")}
     assert {"validate.detect", "validate.localise", "validate.template", "validate.measure"} <= own
     assert not own & {"validate.store", "validate.tables", "validate.run", "validate.progress"}
+
+
+def test_figures_and_reports_hang_on_all_that_draws_them():
+    """Helpers of other folders too; not on what renders, measures or keeps views."""
+    figures = code_of("validate.figures", apart=FIGURES_APART)
+    report = code_of("validate.report.page", apart=FIGURES_APART)
+    assert {"validate.illustration", "validate.table_text", "validate.slopes", "validate.stars"} <= set(figures.modules)
+    assert {"validate.report.curves", "validate.findings.tables", "validate.csv_files"} <= set(report.modules)
+    assert {"matplotlib", "numpy"} <= {name for name, _ in figures.libraries}
+    assert {"plotly", "jinja2"} <= {name for name, _ in report.libraries}
+    for code in (figures, report):
+        assert not {"validate.store", "validate.localise", "validate.acquire", "render.sampling"} & set(code.modules)
 
 
 @pytest.mark.parametrize("apart", [VIEW_APART, MEASURE_APART], ids=["view", "measurement"])

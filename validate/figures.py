@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from textwrap import fill
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
@@ -17,6 +16,7 @@ from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 from pss.json_text import json_text
+from render.code_digest import code_of
 from validate.contact_sheet import contact_sheet
 from validate.drawing import plt
 from validate.file_names import FIGURES, figure_file
@@ -68,23 +68,31 @@ MOST_TICKS, WIDER = 7, 1.1
 TITLE_WIDTH, LONGEST_LABEL, LEVEL_WIDTH = 90, 26, 50
 # Room over the highest star.
 ABOVE_OPTIMUM = 1.08
-# Modules whose code makes the figures what they are.
-DRAWN_BY = ("figures", "illustration", "projected", "names_beside", "stars", "glyphs", "log_ticks", "contact_sheet")
+# Modules that figures use and that do not draw: what they give is in the tables, which count by themselves.
+APART = (
+    "render.view",
+    "scenes.scene",
+    "scenes.sweep_file",
+    "validate.acquire",
+    "validate.acquisition",
+    "validate.measure",
+    "validate.store",
+    "validate.stored_views",
+    "validate.sweep",
+)
 # Tables that no figure shows and that differ from run to run.
 NOT_SHOWN = ("timings.csv",)
 
 
 def source_of(folder: Path, results: Sequence[SweepResult]) -> str:
     """Hash of all that the figures of a run show: its tables, its files, and the code that draws them."""
-    digest = hashlib.sha256(matplotlib.__version__.encode())
+    digest = hashlib.sha256(code_of("validate.figures", apart=APART).digest.encode())
     for table in sorted(folder.glob("*.csv")):
         if table.name not in NOT_SHOWN:
             digest.update(table.read_bytes())
     for result in results:
         said = [result.plan.sweep.resolved(), result.plan.scene.resolved()]
         digest.update(json_text(said, sort_keys=True).encode())
-    for module in DRAWN_BY:
-        digest.update((Path(__file__).parent / f"{module}.py").read_bytes())
     return digest.hexdigest()[:24]
 
 

@@ -6,7 +6,6 @@ import contextlib
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,12 +14,14 @@ import tyro
 from pss import Evaluation
 from pss.json_text import as_json
 from render import backend, glow
+from render.code_digest import code_of
 from render.sampling import Sampling
 from render.view import state_key
 from scenes import load_scene, load_sweep
 from validate.acquire import Acquisition, baked
 from validate.assess import predict
 from validate.expose import with_exposures
+from validate.figures import APART
 from validate.folder_lock import alone_in
 from validate.measure import ViewMeasurement
 from validate.program import program_name
@@ -102,9 +103,9 @@ def _about(sweeps: Sequence[SweepForReport]) -> dict[str, str]:
 
 def source_of_report(figures_drawn_from: str) -> str:
     """Hash of all that a report shows, beside what a run's figures show: the code that makes it."""
-    digest = hashlib.sha256(f"{figures_drawn_from} plotly {version('plotly')}".encode())
-    here = Path(__file__).parent
-    for path in sorted([*here.glob("*.py"), *(here / "templates").iterdir()]):
+    code = code_of("validate.report.page", "validate.report.images", "validate.report.model_file", apart=APART)
+    digest = hashlib.sha256(f"{figures_drawn_from} {code.digest}".encode())
+    for path in sorted((Path(__file__).parent / "templates").iterdir()):
         digest.update(path.read_bytes())
     return digest.hexdigest()[:24]
 
