@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from pss import (
+    Appearance,
     Box,
     ConstantAcceleration,
     ConstantVelocity,
@@ -104,6 +105,17 @@ class Scene:
     def widest_f_number(self) -> float:
         """The smallest f-number that the lens has."""
         return self._spec.lens.widest_f_number
+
+    def appearance(self) -> Appearance:
+        """How the markers look, for `pss.evaluate(…, appearance=…)`: what "physical" and calibrated models ask for.
+
+        The lamps' own light is exact, shadows included; what surfaces send back is estimated, as `check` does, so that
+        nothing has to be solved. A run predicts with its solved light.
+        """
+        # It loads what draws markers, which scenes need not otherwise.
+        from render.estimated_light import estimated_appearance
+
+        return estimated_appearance(self.state)
 
     def with_exposure(self, exposure_ms: float) -> Scene:
         """The same scene at this exposure, as if its file said the number."""

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from render.estimated_light import estimated_appearance
 from scenes import load_scene, load_sweep
 from validate.assess import predict
-from validate.check.estimated_light import estimated_appearance
 
 __all__ = ["predicted_result"]
 

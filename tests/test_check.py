@@ -15,15 +15,16 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+import pss
 from pss import RangeError
 from pss.noise.calibrated import Calibration
 from pss.visibility import visible_points
+from render.estimated_light import estimated_irradiance
 from render.light import solve_radiosity
 from render.state import Light, Panel
 from scenes import load_scene
 from validate.check import foreseen as module
 from validate.check.command import main, run
-from validate.check.estimated_light import estimated_irradiance
 from validate.check.foreseen import camera_rows, foresee, headline, marker_rows, model_rows
 from validate.check.plan import plan_figure
 from validate.check.warnings import warnings_of
@@ -110,6 +111,17 @@ def test_the_estimated_light_is_near_the_solved_one():
     chosen = dataclasses.replace(state, objects=(), markers=state.markers[::6])
     solved = solve_radiosity(chosen).irradiance(chosen.points_m, chosen.normals)
     assert np.median(estimated_irradiance(chosen) / solved) == pytest.approx(1, abs=ESTIMATE_WITHIN)
+
+
+def test_a_scene_gives_the_appearance_that_physical_and_calibrated_models_ask_for():
+    """docs/own-noise.md: from a diffuse marker of albedo ρ leaves ρE/π."""
+    scene = bench()
+    look = scene.appearance()
+    white = scene.state.print.white_albedo / np.pi * estimated_irradiance(scene.state)
+    np.testing.assert_allclose(look.white_w_per_m2_sr, white)
+    points, normals = scene.state.points_m, scene.state.normals
+    evaluation = pss.evaluate(scene.cameras, points, normals, noise="physical", appearance=look)
+    assert evaluation.observable.any()
 
 
 def test_a_lamp_straight_above_by_hand():

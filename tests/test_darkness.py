@@ -14,6 +14,7 @@ from pss.legibility import LEAST_CONTRAST_OVER_NOISE, Legible, contrast_over_noi
 from pss.luminous import illuminance_lux, luminous_efficiency
 from pss.photometry import PLANCK_TIMES_LIGHT_SPEED_J_M
 from pss.views import Views
+from render.estimated_light import estimated_appearance
 from render.sampling import Sampling
 from render.view import ViewRequest, state_key
 from scenes import load_scene
@@ -21,7 +22,6 @@ from tests import made_up_run as made_up
 from tests.test_sweep_run import SCENE, SWEEP
 from validate.acquire import Acquired, Acquisition
 from validate.check.command import run as check
-from validate.check.estimated_light import estimated_appearance
 from validate.check.foreseen import camera_rows, foresee
 from validate.check.warnings import warnings_of
 from validate.report.data import read_sweeps

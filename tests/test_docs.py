@@ -32,7 +32,12 @@ from validate.bank import study
 from validate.command_line import COMMANDS
 
 # Pages whose Python needs what another test gives it.
-RUN_ELSEWHERE = {"docs/scenes.md": "tests/test_exr.py::test_the_documented_way_to_read_a_view_runs"}
+RUN_ELSEWHERE = {
+    "docs/scenes.md": "tests/test_exr.py::test_the_documented_way_to_read_a_view_runs",
+    "docs/own-detector.md": (
+        "tests/test_own_detector.py::test_the_documented_detector_finds_and_triangulates_drawn_markers"
+    ),
+}
 # Beginnings of lines of the `sh` blocks that this file does not run, and why not. What is a sweep or a subcommand is
 # parsed all the same, with its files, up to the point where the work would begin.
 SLOW = {

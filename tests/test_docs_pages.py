@@ -140,23 +140,45 @@ def test_the_tables_that_the_report_names_have_those_columns():
     assert not [name for name in re.findall(r"`(\w+)`", named["points"]) if f'"{name}":' not in writer]
 
 
-def first_lines(rows: list[dict[str, str]]) -> list[tuple[str, str]]:
-    """Noise model and Spearman's ρ of the single frame, as the screen has them, from a run's correlation.csv."""
-    kinds = {"metric": "pss-single-frame", "level": "configuration", "yardstick": "measured_pss_single_frame"}
-    chosen = [row for row in rows if all(row[key] == value for key, value in kinds.items())]
-    ends = ("spearman", "spearman_ci_low", "spearman_ci_high")
-    texts = [tuple(f"{float(row[end]):+.2f}" for end in ends) for row in chosen]
-    return [
-        (row["noise_model"], f"{value} [{low}, {high}]") for row, (value, low, high) in zip(chosen, texts, strict=True)
-    ]
+# What the screen calls the two kinds, and what correlation.csv has them under.
+KINDS = {"single frame": ("pss-single-frame", "measured_pss_single_frame"), "filter": ("pss", "measured_pss_filter")}
+
+
+def first_lines(rows: list[dict[str, str]]) -> set[tuple[str, str, str]]:
+    """Noise model, kind and Spearman's ρ, as the screen has them, from a run's correlation.csv."""
+    lines = set()
+    for kind, (metric, measured) in KINDS.items():
+        for row in rows:
+            if (row["metric"], row["level"], row["yardstick"]) == (metric, "configuration", measured):
+                value, low, high = (f"{float(row[f'spearman{end}']):+.2f}" for end in ("", "_ci_low", "_ci_high"))
+                lines.add((row["noise_model"], kind, f"{value} [{low}, {high}]"))
+    return lines
 
 
 def test_the_first_lines_of_the_first_run_are_its_tables():
+    """All rows, the filter's too, one of which runs against the measurement."""
     (block,) = (block for block in BLOCKS if block.treatment == "first lines of a run")
-    with (DOCS / "examples" / "first-run" / "correlation.csv").open(encoding="utf-8") as opened:
+    folder = DOCS / "examples" / "first-run"
+    with (folder / "correlation.csv").open(encoding="utf-8") as opened:
         expected = first_lines(list(csv.DictReader(opened)))
     shown = [[cell.strip() for cell in line.split("│")] for line in block.text.splitlines()[1:]]
-    assert [(cells[2], cells[4]) for cells in shown] == expected
+    assert {(cells[2], cells[3], cells[4]) for cells in shown} == expected
+    assert len(shown) == len(expected) == 6
+    with (folder / "configurations.csv").open(encoding="utf-8") as opened:
+        rows = list(csv.DictReader(opened))
+    columns = {
+        "single frame": ("pss_single_frame", "measured_pss_single_frame"),
+        "filter": ("pss", "measured_pss_filter"),
+    }
+    for cells in shown:
+        steps = [row for row in rows if row["noise_model"] == cells[2]]
+        best = [float(max(steps, key=lambda row: float(row[name]))["value"]) for name in columns[cells[3]]]
+        assert [float(cells[5]), float(cells[6])] == best, cells
+    counts = {row["value"]: (row["observable"], row["detected"]) for row in rows if row["noise_model"] == "physical"}
+    said = " ".join(page("first-minutes.md").split())
+    (at_one, found_at_one), (at_three, found_at_three) = counts["1"], counts["3"]
+    assert f"the prediction counts {at_one} at ×1, of which no more than {found_at_one}" in said
+    assert f"and {at_three} at ×3, where {found_at_three} are" in said
 
 
 def test_the_example_sensor_of_python_is_that_of_toml():

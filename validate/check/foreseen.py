@@ -19,10 +19,10 @@ from pss.legibility import (
 from pss.noise.photometric import sides_e
 from pss.photometry import electrons_per_radiance
 from pss.views import Views
+from render.estimated_light import estimated_appearance
 from render.exposure import choose_exposure
 from scenes import Scene
 from validate.assess import predict
-from validate.check.estimated_light import estimated_appearance
 from validate.darkness import white_irradiance
 from validate.own_metrics import OwnScores, own_scores
 from validate.table_text import written

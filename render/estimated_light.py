@@ -1,4 +1,4 @@
-"""The light on the markers, estimated at once: what a check foresees with before radiosity has been solved.
+"""The light on the markers, estimated at once: what checks and predictions use before radiosity has been solved.
 
 The lamps' own light is exact, shadows included. What the room's surfaces send back is taken to be the same everywhere,
 as in an integrating sphere of the room's area and mean reflectance; objects send nothing back.
