@@ -12,12 +12,16 @@ from numpy.typing import NDArray
 
 from pss.errors import RangeError
 
-__all__ = ["fold_radius", "stretch", "undistorted"]
+__all__ = ["fold_radius", "furthest_radius", "stretch", "undistorted"]
 
 Floats = NDArray[np.float64]
 
-# Newton's method from the distorted radius doubles its digits with each step; six reach double precision from 10 % off.
-NEWTON_STEPS = 12
+# At the fold the radius is a double root, of which Newton's method only halves the error: some 26 steps to rounding.
+MOST_STEPS = 60
+# Slopes; 1e-9 px at a focal length of 1,000 px.
+CONVERGED = 1e-12
+# A lens that never folds the image draws no point in to less than 4/9 of its slope: k₁² < 20/9 k₂, or both above 0.
+MOST_DRAWN_IN = 9 / 4
 
 
 def stretch(squared_radius: Floats, k1: Floats | float, k2: Floats | float) -> tuple[Floats, Floats]:
@@ -36,6 +40,12 @@ def fold_radius(k1: float, k2: float) -> float:
     return math.sqrt(min(positive)) if positive else math.inf
 
 
+def furthest_radius(k1: float, k2: float) -> float:
+    """Distorted radius of the fold: the lens images nothing beyond; ∞ where it does not fold the image."""
+    fold = fold_radius(k1, k2)
+    return fold * float(stretch(np.array(fold**2), k1, k2)[0]) if math.isfinite(fold) else math.inf
+
+
 def undistorted(slopes: Floats, k1: float, k2: float) -> Floats:
     """Slopes (..., 2) of the points that the lens puts at the distorted `slopes` (..., 2).
 
@@ -45,13 +55,20 @@ def undistorted(slopes: Floats, k1: float, k2: float) -> Floats:
     if k1 == 0 and k2 == 0:
         return slopes
     radius = np.linalg.norm(slopes, axis=-1)
-    fold = fold_radius(k1, k2)
-    furthest = fold * float(stretch(np.array(fold**2), k1, k2)[0]) if math.isfinite(fold) else math.inf
+    fold, furthest = fold_radius(k1, k2), furthest_radius(k1, k2)
     if (radius > furthest).any():
         raise RangeError(f"a pixel lies {radius.max():.4g} focal lengths off the axis; allowed: up to {furthest:.4g}")
     true = np.minimum(radius, fold)
-    for _ in range(NEWTON_STEPS):
+    low, high = np.zeros_like(radius), np.minimum(MOST_DRAWN_IN * radius, fold)
+    for _ in range(MOST_STEPS):
         factor, derivative = stretch(true**2, k1, k2)
-        slope = factor + 2 * true**2 * derivative
-        true = np.clip(true - (true * factor - radius) / np.where(slope > 0, slope, 1.0), 0.0, fold)
+        excess, slope = true * factor - radius, factor + 2 * true**2 * derivative
+        low, high = np.where(excess < 0, true, low), np.where(excess > 0, true, high)
+        step = true - excess / np.where(slope > 0, slope, 1.0)
+        # Where Newton's step leaves the interval, halving it does not.
+        step = np.where((slope > 0) & (step >= low) & (step <= high), step, (low + high) / 2)
+        step = np.where(excess == 0, true, step)
+        change, true = np.abs(step - true), step
+        if not (change > CONVERGED).any():
+            break
     return np.asarray(slopes * (true / np.where(radius > 0, radius, 1.0))[..., None])

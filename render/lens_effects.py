@@ -7,12 +7,18 @@ from typing import Any
 import numpy as np
 
 from pss import PTZCamera
+from pss.distortion import fold_radius, furthest_radius
 from render import lens
 
 __all__ = ["PlaceOnFilm"]
 
-# Of Newton's method for the slope before distortion, from the slope after it: single precision after four.
-NEWTON_STEPS = 5
+# Of Newton's method for the slope before distortion, from the slope after it: single precision after four, but at the
+# fold of the lens, where each step only halves what is left.
+NEWTON_STEPS = 12
+# Nearer to the fold the radius hardly grows: rounding over its slope would carry the next step far off.
+SMALLEST_SLOPE = 1e-3
+# Slope, stands in for the fold of a lens that has none.
+NO_FOLD = 1e6
 
 
 class PlaceOnFilm:
@@ -28,6 +34,8 @@ class PlaceOnFilm:
         # Data, not constants: another setting compiles nothing new.
         settings = (*camera.radial_distortion, camera.focal_px, *(n + 0.5 for n in camera.principal_point_px))
         self.k1, self.k2, self.focal, self.cx, self.cy = (dr.opaque(mi.Float, value) for value in settings)
+        ends = fold_radius(*camera.radial_distortion), furthest_radius(*camera.radial_distortion)
+        self.fold, self.furthest = (dr.opaque(mi.Float, min(end, NO_FOLD)) for end in ends)
 
     def film(self, x: Any, y: Any, u: Any, v: Any) -> Any:
         """Film position in px of a sample at (u, v), each in [0, 1), of the pixel with the corner (x, y)."""
@@ -38,11 +46,14 @@ class PlaceOnFilm:
             return self.mi.Point2f(x, y)
         x, y = (x - self.cx) / self.focal, (y - self.cy) / self.focal
         radius = self.dr.sqrt(x * x + y * y)
-        true = self.mi.Float(radius)
+        # A blurred pixel at the very fold collects from beyond it, where nothing is imaged but the fold itself.
+        bent = self.dr.minimum(radius, self.furthest)
+        true = self.dr.minimum(bent, self.fold)
         for _ in range(NEWTON_STEPS):
             square = true * true
-            bent = true * (1 + square * (self.k1 + square * self.k2))
-            true -= (bent - radius) / (1 + square * (3 * self.k1 + 5 * self.k2 * square))
+            excess = true * (1 + square * (self.k1 + square * self.k2)) - bent
+            slope = self.dr.maximum(1 + square * (3 * self.k1 + 5 * self.k2 * square), SMALLEST_SLOPE)
+            true = self.dr.clip(true - excess / slope, 0, self.fold)
         scale = self.focal * self.dr.select(radius > 0, true / radius, 1.0)
         return self.mi.Point2f(x * scale + self.cx, y * scale + self.cy)
 

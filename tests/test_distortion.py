@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pss import PTZCamera, RangeError, ShapeError
-from pss.distortion import fold_radius
+from pss.distortion import fold_radius, furthest_radius, stretch, undistorted
 from validate.triangulate import triangulate
 
 # Relative; a dozen roundings.
@@ -15,6 +15,11 @@ SAME_TO_ROUNDING = 1e-12
 SAME_PIXEL_PX = 1e-9
 # Central differences over 1e-5 m of a smooth projection.
 SAME_DERIVATIVE = 1e-7
+
+# At a focal length of 1,000 px. The fold is a double root, which doubles hold to half their digits.
+LARGEST_ERROR_PX, FOCAL_PX = 1e-3, 1000.0
+FOLDING = {"barrel": (-0.3, 0.0), "weak barrel": (-0.05, 0.0), "moustache": (0.1, -0.02), "both": (-0.2, -0.1)}
+NOT_FOLDING = {"hardly": (-0.3, 0.0406), "strong": (0.8, 0.5), "pincushion": (0.09, 0.0), "barrel": (-0.18, 0.03)}
 
 STRAIGHT = PTZCamera((0.3, -3, 1.2), 4, -3, zoom=1.2, focus_distance_m=3)
 LENSES = {"barrel": (-0.18, 0.03), "pincushion": (0.09, 0.0), "moustache": (-0.12, 0.09)}
@@ -74,6 +79,25 @@ def test_the_image_ends_where_the_sensor_ends_or_the_lens_folds():
     level = dataclasses.replace(STRAIGHT, pan_deg=0, tilt_deg=0)
     assert not level.in_frustum(far)
     assert dataclasses.replace(level, radial_distortion=(-0.2, 0.0)).in_frustum(far)
+
+
+@pytest.mark.parametrize("k", (FOLDING | NOT_FOLDING).values(), ids=str)
+def test_undistortion_is_exact_up_to_the_very_fold(k):
+    """Against the roots of the polynomial by its companion matrix, and there and back again."""
+    furthest = furthest_radius(*k)
+    assert np.isinf(furthest) == (k in NOT_FOLDING.values())
+    shares = np.concatenate([np.linspace(0, 0.99, 12), 1 - np.geomspace(1e-2, 1e-12, 11), [1.0]])
+    radii = shares * min(furthest, 3.0)
+    direction = np.array([0.6, -0.8])
+    found = undistorted(radii[:, None] * direction, *k) @ direction
+    for radius, true in zip(radii, found, strict=True):
+        roots = np.roots([k[1], 0, k[0], 0, 1, -radius]) if k[1] else np.roots([k[0], 0, 1, -radius])
+        # At the fold rounding turns the double root into two complex ones, as far apart as its square root.
+        nearest = np.abs(roots - true).min()
+        assert nearest * FOCAL_PX < LARGEST_ERROR_PX
+    assert (found <= fold_radius(*k)).all()
+    back = found * stretch(found**2, *k)[0]
+    np.testing.assert_allclose(back, radii, atol=1e-12)
 
 
 def test_exact_detections_triangulate_exactly_through_distorting_lenses():

@@ -10,6 +10,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from pss import PTZCamera, RangeError
+from pss.distortion import furthest_radius, stretch
 from render import lens
 from render.lens_effects import PlaceOnFilm
 from render.sampling import Sampling, pixel_means, sample_image
@@ -27,6 +28,8 @@ SAME_BLUR = 0.01
 # distortion, which a homography cannot follow, adds a little.
 LOOP_MEAN_PX, LOOP_RMS_PX = 0.02, 0.04
 LENSES = [(-0.12, 0.0), (0.06, 0.02)]
+# px on the image, where a sample is drawn for another place than its own; single precision of 1,000 px is 6e-5.
+SAME_PLACE_PX = 1e-3
 
 
 def noise_free(camera, renderer, mi, extra=True):
@@ -133,6 +136,22 @@ def test_the_aperture_is_a_regular_polygon_of_the_round_ones_area(mi, blades):
     second = (2 + math.cos(2 * math.pi / blades)) / 12
     np.testing.assert_allclose(np.cov(points), second * np.eye(2), atol=0.004)  # four standard errors
     np.testing.assert_allclose(points.mean(axis=1), 0, atol=0.006)
+
+
+@pytest.mark.parametrize("k", [(-0.3, 0.0), (-0.2, -0.1), (0.1, -0.02), (-0.18, 0.03), (-0.3, 0.0406)], ids=str)
+def test_samples_are_drawn_for_their_own_place_up_to_the_very_fold(mi, k):
+    """The film position, distorted again, is where the sample was; beyond the fold it is the fold's."""
+    camera = PTZCamera((0, 0, 0), 0, 0, resolution=(2000, 2000), radial_distortion=k)
+    furthest = min(furthest_radius(*k), 1.1)
+    radii = furthest * np.concatenate([np.linspace(0, 0.99, 12), 1 - np.geomspace(1e-2, 1e-7, 9), [1.001, 1.1]])
+    middle = camera.principal_point_px[0] + 0.5
+    places = middle + camera.focal_px * radii[:, None] * [0.6, -0.8]
+    x, y = (mi.Float(axis.astype(np.float32)) for axis in places.T)
+    film = PlaceOnFilm(camera, mi).film(x, y, mi.Float(0), mi.Float(0))
+    slopes = (np.array([film.x.numpy(), film.y.numpy()], dtype=float).T - middle) / camera.focal_px
+    again = slopes * stretch((slopes**2).sum(axis=1), *k)[0][:, None]
+    expected = np.minimum(radii, furthest_radius(*k))[:, None] * [0.6, -0.8]
+    np.testing.assert_allclose(again * camera.focal_px, expected * camera.focal_px, atol=SAME_PLACE_PX)
 
 
 def test_a_lens_that_folds_its_image_is_refused(mi):
