@@ -11,6 +11,7 @@ import pytest
 from rich.console import Console
 
 from render import backend
+from render.sampling import Sampling
 from tests.test_store_views import REQUEST, VIEW, ZOOMS, no_progress, wanted  # noqa: F401 (a fixture)
 from tests.test_sweep_run import ALONE, SCENE
 from validate import dry_run
@@ -19,14 +20,20 @@ from validate.dry_run import LEAST_KNOWN, announce, forecast
 from validate.progress import EXPECTED_LIGHT_SECONDS, EXPECTED_MEASURE_SECONDS, EXPECTED_SECONDS
 from validate.run_messages import RunMessages
 from validate.run_sweep import main
+from validate.scale.options import HERE, Scale
 from validate.store import Store
 from validate.stored_views import save_view
 from validate.sums import sum_path
+from validate.view_costs import USUAL_RATIO, measure_seconds, render_seconds
 
 WORKERS = 2
 # Between bytes or seconds that were foreseen at documented rates and those of a run: the closet's views are a sixteenth
 # as large as those that the rates are of, and a small scene's light is solved in no time.
 FORESEEN_BYTES, FORESEEN_SECONDS = 2.0, 15.0
+# Of a view of 48 megapixels, measured on two cores; another scene's edges take up to twice as long, or half.
+MEASURED_S, MEASURED_BYTES, WITHIN = 66.0, 7.0e9, 2.0
+# CPU seconds at the sweeps' bound by the fit, and how far the fit lies off the four that it is of.
+CPU_S_AT_USUAL, FITTED = 3.52, 0.1
 
 
 def test_counts_are_those_of_the_store(wanted, tmp_path):  # noqa: F811
@@ -37,7 +44,11 @@ def test_counts_are_those_of_the_store(wanted, tmp_path):  # noqa: F811
     assert not store.folder.exists()
     assert before.asked == 0
     trials = wanted[0].trials
-    assert before.seconds == pytest.approx(EXPECTED_LIGHT_SECONDS + len(ZOOMS) * EXPECTED_SECONDS)
+    view_s, capture_s = (
+        render_seconds(VIEW.radiance.size, REQUEST.sampling.noise_ratio),
+        measure_seconds(VIEW.radiance.size),
+    )
+    assert before.seconds == pytest.approx(EXPECTED_LIGHT_SECONDS + len(ZOOMS) * view_s)
     acquire(wanted, store, None, no_progress)
     after = forecast(wanted, store, renderer, WORKERS)
     assert (after.rendered, after.measured, after.to_render, after.to_measure, after.to_light) == (3, 3, 0, 0, 0)
@@ -46,7 +57,7 @@ def test_counts_are_those_of_the_store(wanted, tmp_path):  # noqa: F811
     wanted[1].task(store).path.unlink()
     gone = forecast(wanted, store, renderer, WORKERS)
     assert (gone.to_render, gone.to_measure, gone.to_light) == (1, 1, 0)
-    assert gone.seconds == pytest.approx(EXPECTED_SECONDS + trials * EXPECTED_MEASURE_SECONDS / WORKERS)
+    assert gone.seconds == pytest.approx(view_s + trials * capture_s / WORKERS)
 
 
 def test_rates_are_those_of_the_stores_own_views(wanted, tmp_path):  # noqa: F811
@@ -79,6 +90,58 @@ def test_a_disk_that_is_too_small_is_said(wanted, tmp_path, monkeypatch):  # noq
     said = messages.console.file.getvalue()
     for words in ("two configurations", "3 to render (0 stored)", "light of 1 scene states", "scalar_rgb", "0 MB free"):
         assert words in said
+
+
+def of_size(wanted, width, height):  # noqa: F811
+    """The same views by cameras of so many pixels, with the sweeps' bound on sampling noise."""
+    found = []
+    for item in wanted:
+        camera = dataclasses.replace(item.request.camera, resolution=(width, height))
+        request = dataclasses.replace(item.request, camera=camera, sampling=Sampling(noise_ratio=USUAL_RATIO))
+        found.append(dataclasses.replace(item, request=request))
+    return found
+
+
+def test_time_and_memory_grow_with_the_pixels(wanted, tmp_path):  # noqa: F811
+    """48 megapixels were 'about 0:22' for five views, as any size was; measured are 66 s and 7.0 GB a view."""
+    store = Store(tmp_path / "store")
+    small, large = (forecast(of_size(wanted, *size), store, "none", WORKERS) for size in ((1280, 960), (8000, 6000)))
+    a_view = (large.seconds - EXPECTED_LIGHT_SECONDS) / len(wanted)
+    assert MEASURED_S / WITHIN < a_view < MEASURED_S * WITHIN
+    assert MEASURED_BYTES / WITHIN < large.render_bytes < MEASURED_BYTES * WITHIN
+    assert small.seconds < large.seconds / 5
+    assert large.measure_bytes > 5 * small.measure_bytes
+    assert render_seconds(1280 * 960) == pytest.approx(EXPECTED_SECONDS)
+    assert measure_seconds(1280 * 960) == pytest.approx(EXPECTED_MEASURE_SECONDS)
+
+
+@pytest.mark.parametrize(("ratio", "cpu_s"), [(1, 3.0), (0.5, 3.6), (0.25, 5.1), (0.1, 11.6)])
+def test_time_grows_with_the_samples_as_the_benchmarks_do(ratio, cpu_s):
+    """CPU seconds of benchmarks/README.md, of which the part that pixels share is reckoned with."""
+    pixels = 1280 * 960
+    shared = (
+        CPU_S_AT_USUAL
+        * (render_seconds(pixels, ratio) - render_seconds(0))
+        / (render_seconds(pixels) - render_seconds(0))
+    )
+    assert shared == pytest.approx(cpu_s, rel=FITTED)
+
+
+@pytest.mark.parametrize("scale", [HERE, Scale(workers=2)])
+def test_memory_that_is_too_small_is_said(wanted, tmp_path, monkeypatch, scale):  # noqa: F811
+    """The dry run states what is needed and what there is, and warns if that is less."""
+    chosen = backend.Backend("scalar_rgb", "", 0, "as asked")
+    messages = RunMessages()
+    messages.console, messages.errors = Console(file=io.StringIO(), width=200), Console(file=io.StringIO(), width=200)
+    large = of_size(wanted, 8000, 6000)
+    for machine, warned in ((10**12, False), (0, False), (6 * 10**9, True)):
+        monkeypatch.setattr(dry_run, "machine_bytes", lambda machine=machine: machine)
+        announce(["two"], large, Store(tmp_path), str(tmp_path), chosen, tmp_path / "out", messages, scale)
+        assert ("memory is too small" in messages.errors.file.getvalue()) == warned
+    said = messages.console.file.getvalue()
+    assert "memory: about 8.4 GB " in said
+    assert "this machine has 6.0 GB" in said
+    assert ("measuring processes" in said) == (scale == HERE)
 
 
 @pytest.mark.render

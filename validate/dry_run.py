@@ -1,8 +1,8 @@
 """What a run would do, how long it would take and how much it would fill: said without rendering anything.
 
 Seconds and bytes are those of the store's own newest views, light and measurements, as far as their sums tell (those of
-older versions do not); else those of two cores, which the benchmarks state. Whether a file is there is asked of its
-name, and no image is opened.
+older versions do not); else those of two cores, which the benchmarks state, by the pixels of each view
+(`validate.view_costs`); so is the memory. Whether a file is there is asked of its name, and no image is opened.
 """
 
 from __future__ import annotations
@@ -18,11 +18,12 @@ from render.view import light_key
 from scenes import Scene, SweepFile
 from validate.acquire import Acquisition
 from validate.expose import with_exposures
-from validate.progress import EXPECTED_LIGHT_SECONDS, EXPECTED_MEASURE_SECONDS, EXPECTED_SECONDS, clock
+from validate.progress import EXPECTED_LIGHT_SECONDS, clock
 from validate.run_messages import RunMessages
 from validate.scale.options import HERE, Scale
 from validate.store import Store
 from validate.sums import SUFFIX, FileSum, read_sums
+from validate.view_costs import machine_bytes, measure_bytes, measure_seconds, render_bytes, render_seconds
 from validate.whole_files import free_bytes
 
 __all__ = ["Forecast", "announce", "exposures_assumed", "forecast"]
@@ -48,6 +49,8 @@ class Forecast:
         seconds: s, all of it, without tables and figures.
         needed_bytes: of what would be added to the store.
         asked: past views whose seconds were taken; 0 where the benchmarks' were.
+        render_bytes, measure_bytes: peak memory of a process that renders, and of one that measures, the largest of
+            what is missing; 0 where nothing is.
     """
 
     views: int
@@ -59,6 +62,8 @@ class Forecast:
     seconds: float
     needed_bytes: int
     asked: int
+    render_bytes: int = 0
+    measure_bytes: int = 0
 
 
 def forecast(wanted: Sequence[Acquisition], store: Store, renderer: str, workers: int) -> Forecast:
@@ -81,7 +86,8 @@ def forecast(wanted: Sequence[Acquisition], store: Store, renderer: str, workers
     for item in to_render:
         alike = _alike(views, item)
         asked = max(asked, len(alike))
-        render_s += _mean([_seconds(known) for known in alike], EXPECTED_SECONDS)
+        expected_s = render_seconds(_pixels(item), item.request.sampling.noise_ratio)
+        render_s += _mean([_seconds(known) for known in alike], expected_s)
         needed += _mean([known.size_bytes for known in alike], VIEW_BYTES_A_PIXEL * _pixels(item))
     measurements = _newest(store.folder / "measurements")
     # What is measured while others are rendered holds nothing up; what is rendered already is all that is left to do.
@@ -89,7 +95,7 @@ def forecast(wanted: Sequence[Acquisition], store: Store, renderer: str, workers
     for item in to_measure:
         alike = [known for known in _alike(measurements, item) if known.facts.get("trials")]
         rates = [_seconds(known) / known.facts["trials"] for known in alike]
-        of_item = item.trials * _mean(rates, EXPECTED_MEASURE_SECONDS)
+        of_item = item.trials * _mean(rates, measure_seconds(_pixels(item)))
         measure_s += of_item
         afterwards_s += 0.0 if item.request.key in missing else of_item
     light_s = _mean([_seconds(known) for known in _newest(store.folder / "light")], EXPECTED_LIGHT_SECONDS)
@@ -104,6 +110,8 @@ def forecast(wanted: Sequence[Acquisition], store: Store, renderer: str, workers
         seconds=light_s * len(to_light) + max(render_s + afterwards_s / workers, measure_s / workers),
         needed_bytes=round(needed),
         asked=asked,
+        render_bytes=round(max((render_bytes(_pixels(item)) for item in to_render), default=0)),
+        measure_bytes=round(max((measure_bytes(_pixels(item)) for item in to_measure), default=0)),
     )
 
 
@@ -133,6 +141,7 @@ def announce(
     free = free_bytes(store.folder / "views")
     rates = f"as {said.asked} past views of this store" if said.asked else "at the rates of two cores (docs/runs.md)"
     here = "" if address == str(store.folder) else f", on this machine {store.folder}"
+    memory = _memory(said, scale, workers)
     library = f", {chosen.libllvm}" if chosen.libllvm else ""
     to_render = f"{said.to_render} to render ({said.rendered} stored)"
     to_measure = f"{said.to_measure} to measure ({said.measured} stored)"
@@ -143,6 +152,7 @@ def announce(
         f"about {clock(said.seconds)} and {_megabytes(said.needed_bytes)}, {rates}"
         if said.seconds
         else "nothing to do",
+        *([memory.line] if said.seconds else []),
         f"{chosen.identity}{library}; {made_by}",
         f"store {address}{here}: {_megabytes(free)} free; results would be in {folder}",
     ]
@@ -156,7 +166,39 @@ def announce(
             markup=False,
             soft_wrap=True,
         )
+    if memory.machine_bytes and memory.together_bytes > memory.machine_bytes:
+        messages.errors.print(
+            f"memory is too small: about {_gigabytes(memory.together_bytes)} would be needed at once, this machine has "
+            f"{_gigabytes(memory.machine_bytes)}; a smaller sensor.resolution_px needs less",
+            style="red",
+            soft_wrap=True,
+        )
     return said
+
+
+@dataclass(frozen=True)
+class _Memory:
+    """Bytes of memory: what a run would need at once on this machine, what that has (0: unknown), and both in words."""
+
+    together_bytes: int
+    machine_bytes: int
+    line: str
+
+
+def _memory(said: Forecast, scale: Scale, processes: int) -> _Memory:
+    render, measure, machine = said.render_bytes, said.measure_bytes, machine_bytes()
+    if scale == HERE:
+        workers = min(processes, said.to_measure)
+        together = render + workers * measure
+        parts = [f"{_gigabytes(render)} to render"] if render else []
+        parts += [f"{_gigabytes(measure)} for each of {workers} measuring processes"] if measure else []
+        words = " and ".join(parts)
+    else:  # a worker renders a view, then measures it
+        each = max(render, measure)
+        together = 0 if scale.cluster else each * (scale.workers or 1)
+        words = f"{_gigabytes(each)} for each worker"
+    here = f"; this machine has {_gigabytes(machine)}" if machine and not scale.cluster else ""
+    return _Memory(together, machine, f"memory: about {words}{here}")
 
 
 def exposures_assumed(
@@ -220,6 +262,10 @@ def _seconds(known: FileSum) -> float:
 
 def _mean(values: Sequence[float], otherwise: float) -> float:
     return sum(values) / len(values) if values else otherwise
+
+
+def _gigabytes(size_bytes: int) -> str:
+    return f"{size_bytes / 1e9:,.1f} GB"
 
 
 def _megabytes(size_bytes: int) -> str:
