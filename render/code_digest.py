@@ -215,13 +215,17 @@ def _collect(node: object, parts: list[str], imports: list[tuple[str, str]]) -> 
             if value is None or value == [] or name in WITHOUT_MEANING:
                 continue
             parts.append(name)
-            if name == "body" and isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            if name == "body" and isinstance(node, ast.If) and _is_for_types(node.test):
                 _collect(value, parts, [])
             else:
                 _collect(value, parts, imports)
         parts.append(")")
     else:
         parts.append(repr(node))
+
+
+def _is_for_types(test: ast.expr) -> bool:
+    return isinstance(test, ast.Name) and test.id == "TYPE_CHECKING"
 
 
 def _note_imports(node: ast.AST, imports: list[tuple[str, str]]) -> None:
