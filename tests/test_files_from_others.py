@@ -466,13 +466,16 @@ def test_other_formats_are_refused_by_their_ending(tmp_path, suffix):
 def opened(monkeypatch) -> list[str]:
     """The files that were opened, as Python and OpenImageIO tell."""
     names: list[str] = []
-    whole = open
 
-    def noting(file, *arguments, **options):
-        names.append(str(file))
-        return whole(file, *arguments, **options)
+    def noting(whole):
+        def opens(file, *arguments, **options):
+            names.append(str(file))
+            return whole(file, *arguments, **options)
 
-    monkeypatch.setattr("builtins.open", noting)
+        return opens
+
+    for place, whole in (("builtins.open", open), ("os.open", os.open)):
+        monkeypatch.setattr(place, noting(whole))
     return names
 
 
