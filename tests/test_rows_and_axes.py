@@ -6,13 +6,17 @@ import json
 import math
 import re
 
+import numpy as np
 import pytest
 
+from pss import PTZCamera
+from render.state import Room
 from tests.made_up_run import made_up_run
 from tests.made_up_schedule import made_up_schedule
 from tests.test_side_by_side_page import a_run
 from tests.test_sweep_run import SCENE, SELECTION, SWEEP
 from validate.report.empty_rows import NO_ORDER, Sign, empty_row_words
+from validate.report.scene3d import EYE, fitted_camera
 from validate.side_by_side.command import main
 
 
@@ -119,3 +123,20 @@ def test_words_of_rows():
     signs += [Sign("a", row[1], 0.9, 0.5), Sign("b", row[1], 1.1, nothing)]
     words = empty_row_words(signs, NO_ORDER)
     assert [(each["text"], each["y"]) for each in words] == [(NO_ORDER, 0.0), ("b: undefined", 1.1)]
+
+
+@pytest.mark.parametrize("sides_m", [(6, 6, 3), (3, 60, 4), (2, 2, 20)])
+@pytest.mark.parametrize("aspect", [1.75, 0.9])
+def test_a_room_fits_into_the_scene_in_space(sides_m, aspect):
+    """Its eight corners are within a pinhole's image of 45° in height; some corner is near the border of it."""
+    room = Room(*sides_m, 0.5, 0.5, 0.5)
+    eye, centre = (np.array(list(place.values())) for place in fitted_camera(room, EYE, aspect).values())
+    sides = np.array(sides_m)
+    corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * sides / 2
+    unit_m = np.prod(sides) ** (1 / 3)
+    camera = PTZCamera(tuple(eye * unit_m), 0.0, 0.0, 1.0, resolution=(round(1000 * aspect), 1000))
+    camera = camera.aimed_at(tuple(centre * unit_m))
+    pixels, depth_m = camera.project(corners)
+    half_px = np.abs(pixels - camera.principal_point_px) / camera.focal_px / math.tan(math.radians(22.5)) / (aspect, 1)
+    assert (depth_m > 0).all()
+    assert 0.98 < half_px.max() < 1.001

@@ -9,7 +9,7 @@ import numpy as np
 
 from validate.figures import AXIS_NAMES
 from validate.report.data import KINDS, MM, Curve, SweepTable
-from validate.report.style import INK, NUMBERS, layout, line_at, model_style
+from validate.report.style import INK, LOG_AXIS, NUMBERS, layout, line_at, model_style
 from validate.report.traces import Choice, Columns, Figure, plain, ref
 from validate.stars import star_heights
 
@@ -118,7 +118,7 @@ def curves_figure(table: SweepTable) -> Figure:
         layout(
             step_axis(table),
             {"title": {"text": ref("y_title|{quantity}")}, "type": ref("y_type|{quantity}"), "rangemode": "tozero"}
-            | {"tickformat": NUMBERS, "nticks": 8},
+            | {"tickformat": NUMBERS, "nticks": ref("y_ticks|{quantity}")},
             shapes=[line_at(ref("now"))],
             hovermode="x unified",
         ),
@@ -133,6 +133,8 @@ def _curve_columns(table: SweepTable) -> Columns:
         "y_title|rms": "single-frame RMS error in mm",
         "y_type|pss": "linear",
         "y_type|rms": "log",
+        "y_ticks|pss": 8,
+        "y_ticks|rms": LOG_AXIS["nticks"],
         "rms|measured": plain(table.steps[table.models[0]]["measured_rms_common_m"] * MM),
     }
     x = place(table)

@@ -82,7 +82,7 @@ def section_of(table: SweepTable, title: str, steps: Sequence[Step]) -> Section:
         quality.nees_figure(table),
         budget.budget_figure(table),
         budget.visibility_figure(table),
-        scene3d.scene_figure(table),
+        scene3d.scene_figure(table, steps[0].state.room),
     ]
     parts = (
         points.point_columns(table, steps),

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from render.state import Room
 from validate.report.data import SweepTable
 from validate.report.shades import scales
 from validate.report.traces import Choice, Figure, ref
 
-__all__ = ["GROUPS", "Group", "scene_figure"]
+__all__ = ["GROUPS", "IDLE", "Group", "fitted_camera", "scene_figure"]
 
 
 @dataclass(frozen=True)
@@ -25,11 +29,17 @@ class Group:
 GROUPS = {"varied": Group("#D55E00", "square", "varied cameras"), "fixed": Group("#0072B2", "circle", "other cameras")}
 """Of a sweep's cameras, by their name in `Step.groups`."""
 EYE = (0.54, 1.12, 0.66)
+"""Where a scene is seen from at first: a direction from its middle."""
+# Plotly's field of view is 45° high. Width over height of the drawing on a wide page, and on a narrow one.
+HALF_HEIGHT, WIDE, NARROW = math.tan(math.radians(22.5)), 1.75, 0.9
+# Heights that it may look at, in plotly's unit from the room's middle: what is near and low takes the most room.
+CENTRES = np.linspace(-1.0, 0.5, 151)
 IDLE = Group("#8a8a8a", "cross", "cameras that are off")
 
 
 def scene_figure(
     table: SweepTable,
+    room: Room,
     groups: Mapping[str, Group] = GROUPS,
     bodies: Mapping[str, str] | None = None,
     plates: str = "",
@@ -38,10 +48,11 @@ def scene_figure(
     """Plotly's traces of the scene; all that moves is in `space.scene_columns`.
 
     Args:
+        room: fits into the drawing, as it is seen at first.
         groups: of the cameras.
         bodies: colours of objects that are drawn each for itself and named, by name.
         plates: a sentence on how large plates are drawn, for the caption.
-        eye: where it is seen from at first, in plotly's unit.
+        eye: the direction that it is seen from at first.
     """
     flat = {"ambient": 1.0, "diffuse": 0.0, "specular": 0.0}
     traces: list[dict[str, Any]] = [
@@ -130,8 +141,10 @@ def scene_figure(
                 "xaxis": hidden,
                 "yaxis": hidden,
                 "zaxis": hidden,
-                "camera": {"eye": dict(zip("xyz", eye, strict=True)), "center": {"x": 0, "y": 0, "z": -0.14}},
+                "camera": fitted_camera(room, eye, WIDE),
+                "annotations": ref("camera_signs"),
             },
+            "meta": {"narrow_camera": fitted_camera(room, eye, NARROW)},
         },
         (
             Choice(
@@ -144,6 +157,28 @@ def scene_figure(
         wide=True,
         height_px=620,
     )
+
+
+def fitted_camera(room: Room, direction: tuple[float, float, float], aspect: float) -> dict[str, dict[str, float]]:
+    """Plotly's camera that looks in a direction, as near as lets all of the room into the drawing.
+
+    Args:
+        direction: from the point that it looks at, above or below the room's middle, to the eye.
+        aspect: width over height of the drawing.
+    """
+    # Plotly's unit: the geometric mean of the room's sides.
+    sides = np.array([room.width_m, room.length_m, room.height_m])
+    signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    towards = np.array(direction) / np.linalg.norm(direction)
+    right = np.cross([0.0, 0.0, 1.0], towards)
+    right /= np.linalg.norm(right)
+    centres = np.array([(0.0, 0.0, z) for z in CENTRES])
+    corners = signs * sides / 2 / np.prod(sides) ** (1 / 3) - centres[:, None]
+    out = np.maximum(np.abs(corners @ right) / aspect, np.abs(corners @ np.cross(towards, right)))
+    distances = (corners @ towards + out / HALF_HEIGHT).max(axis=1)
+    nearest = int(distances.argmin())
+    places = {"eye": centres[nearest] + towards * distances[nearest], "center": centres[nearest]}
+    return {name: {axis: round(float(v), 4) for axis, v in zip("xyz", at, strict=True)} for name, at in places.items()}
 
 
 def _lines(name: str, colour: str, width: float) -> dict[str, Any]:
@@ -191,11 +226,8 @@ def _body(name: str, colour: str) -> list[dict[str, Any]]:
 def _icons(name: str, look: Group) -> dict[str, Any]:
     return {
         "type": "scatter3d",
-        "mode": "markers+text",
+        "mode": "markers",
         **{axis: ref(f"{name}_{axis}") for axis in "xyz"},
-        "text": ref(f"{name}_names"),
-        "textposition": "top center",
-        "textfont": {"size": 14, "color": look.colour},
         "customdata": ref(f"{name}_said"),
         "hovertemplate": "%{customdata}<extra></extra>",
         "marker": {"size": 5, "color": look.colour, "symbol": look.symbol},

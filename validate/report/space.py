@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pss import PTZCamera
 from render.geometry import plate_corners
 from render.state import SceneState
 from validate.report.bodies import MOST_FACES_DRAWN, object_meshes
 from validate.report.data import KINDS, MM, SweepTable
 from validate.report.frusta import Frustum, frustum, room_corners
-from validate.report.scene3d import GROUPS, Group
+from validate.report.scene3d import GROUPS, IDLE, Group
 from validate.report.steps import Step
 from validate.report.traces import Columns, plain
 
@@ -27,6 +28,8 @@ PLATE_MODULES = 8.0
 LIFT_M = 0.012
 # A body's name stands so far above its highest point.
 NAME_ABOVE_M = 0.2
+# A camera's name over its sign.
+NAME_PX = 13
 
 
 def scene_columns(
@@ -51,6 +54,9 @@ def scene_columns(
             chosen = [camera for camera, own in zip(step.cameras, step.groups, strict=True) if own == group]
             columns |= _cameras(group, chosen, [frustum(camera, step.state.room) for camera in chosen])
         columns |= _cameras("idle", step.idle, [])
+        named = [(camera, groups[own].colour) for camera, own in zip(step.cameras, step.groups, strict=True)]
+        named += [(camera, IDLE.colour) for camera in step.idle]
+        columns["camera_signs"] = [_name_of(camera, colour) for camera, colour in named]
         columns |= _sights(table, step)
         for kind in KINDS:
             for model in table.models:
@@ -101,11 +107,17 @@ def _places(state: SceneState, bodies: Sequence[str], most_faces: int, plate_sca
     return columns
 
 
+def _name_of(camera: PTZCamera, colour: str) -> Columns:
+    """Plotly's annotation of a camera: over all that is drawn, where a text in space would lie behind objects."""
+    place = dict(zip("xyz", plain(np.array(camera.position_m)), strict=True))
+    sign = {"text": camera.name, "showarrow": False, "yshift": NAME_PX, "font": {"size": 14, "color": colour}}
+    return place | sign | {"bgcolor": "rgba(255,255,255,0.6)", "borderpad": 0}
+
+
 def _cameras(group: str, cameras: Sequence[Any], frusta: Sequence[Frustum]) -> Columns:
     name = f"cameras|{group}"
     position = np.array([camera.position_m for camera in cameras]).reshape(-1, 3)
     columns: Columns = {f"{name}_{axis}": plain(position[:, n]) for n, axis in enumerate("xyz")}
-    columns[f"{name}_names"] = [camera.name for camera in cameras]
     columns[f"{name}_said"] = [
         f"camera {c.name}: zoom {c.zoom:g}, focus {c.focus_distance_m:g} m, pan {c.pan_deg:.1f}°, tilt "
         f"{c.tilt_deg:.1f}°"

@@ -27,8 +27,11 @@ SCALE = "Viridis"
 PURPLE_ORANGE = [[0, "#2d004b"], [0.25, "#8073ac"], [0.5, "#f0f0f0"], [0.75, "#e08214"], [1, "#7f3b08"]]
 NUMBERS = ".6~g"
 """d3's format of an axis's numbers: each written out."""
-LOG_AXIS = {"type": "log", "tickformat": NUMBERS, "nticks": 8}
-"""A logarithmic axis: without a format plotly writes the first digit alone, 2 for 0.02 and for 20."""
+LOG_AXIS = {"type": "log", "tickformat": NUMBERS, "nticks": 3}
+"""A logarithmic axis: without a format plotly writes the first digit alone, 2 for 0.02 and for 20.
+
+With three ticks asked for it writes 1, 2 and 5 in one or two decades, powers of ten in more, and few others in less.
+"""
 FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', sans-serif"
 
 

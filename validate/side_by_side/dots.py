@@ -114,7 +114,7 @@ def dots_figure(dots: Dots, labels: Sequence[str], names: Sequence[str]) -> Figu
         "nticks": 5,
     }
     if dots.as_ratio:
-        plot["xaxis2"] |= LOG_AXIS | {"nticks": 5}
+        plot["xaxis2"] |= LOG_AXIS
     plot["yaxis2"] = plot["yaxis"] | {"anchor": "x2", "showticklabels": False}
     plot["annotations"] = ref(f"words|{stem}")
     plot["shapes"] = [line | {"x0": even, "x1": even}]

@@ -55,7 +55,7 @@ def schedule_section(
         ranking.agreement_figure(table),
         points.points_figure(states),
         budget.budget_figure(states),
-        scene3d.scene_figure(states, looks, bodies, plates, EYE),
+        scene3d.scene_figure(states, steps[0].state.room, looks, bodies, plates, EYE),
     ]
     columns = page.joined_columns(
         points.point_columns(states, steps),

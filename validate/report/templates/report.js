@@ -162,9 +162,7 @@
       if (this.figure.id === "scene") { 
         layout.margin = { l: 0, r: 0, t: 0, b: 60 };
         layout.showlegend = false;
-        const { camera } = layout.scene;
-        layout.scene = { ...layout.scene, camera: { ...camera,
-          eye: Object.fromEntries(Object.entries(camera.eye).map(([axis, value]) => [axis, 1.45 * value])) } };
+        layout.scene = { ...layout.scene, camera: layout.meta.narrow_camera };
       }
     }
 
