@@ -24,6 +24,7 @@ from validate.acquire import Acquired, Acquisition
 from validate.check.command import run as check
 from validate.check.foreseen import camera_rows, foresee
 from validate.check.warnings import warnings_of
+from validate.darkness import light_words
 from validate.report.data import read_sweeps
 from validate.report.verdict import remarks
 from validate.tables import detection_rows
@@ -54,6 +55,14 @@ def test_the_eye_sees_what_the_cie_says():
     assert illuminance_lux(1.0, 550) == pytest.approx(679.55, rel=1e-4)
     of_a_band = luminous_efficiency(np.arange(400.0, 701.0)).mean() / luminous_efficiency(550)
     assert of_a_band == pytest.approx(0.355, abs=0.001)  # as the docstring states
+
+
+@pytest.mark.parametrize(
+    ("watts", "words"), [(0.15, "0.15 W/m² (100 lux at 550 nm)"), (100.0, "100 W/m² (68,000 lux at 550 nm)")]
+)
+def test_light_is_written_for_readers(watts, words):
+    """Two digits, without powers of ten where people would not write them."""
+    assert light_words(watts, 550.0) == words
 
 
 # ---- the limit -------------------------------------------------------------------------------------------------------

@@ -53,7 +53,13 @@ def white_irradiance(views: Views, state: SceneState) -> Floats:
 def light_words(irradiance_w_per_m2: float, wavelength_nm: float) -> str:
     """1.2 W/m² (820 lux at 550 nm)."""
     lux = float(illuminance_lux(irradiance_w_per_m2, wavelength_nm))
-    return f"{irradiance_w_per_m2:.2g} W/m² ({lux:,.2g} lux at {wavelength_nm:g} nm)".replace("e+0", "e")
+    return f"{_two_digits(irradiance_w_per_m2)} W/m² ({_two_digits(lux)} lux at {wavelength_nm:g} nm)"
+
+
+def _two_digits(value: float) -> str:
+    """0.15, 100, 68,000, and powers of ten from a million on."""
+    rounded = float(f"{value:.2g}")
+    return f"{rounded:,.0f}" if 10 <= rounded < 1e6 else f"{rounded:g}"
 
 
 def dark_words(
