@@ -27,8 +27,10 @@ __all__ = ["PTZCamera", "as_points"]
 
 Floats = NDArray[np.float64]
 
-# Straight up or down has no horizontal direction left to define roll 0.
-MAX_ABS_TILT_DEG = 89.9
+# Straight up or down the pan still says where the image's top points: it is the limit of steeper and steeper tilts.
+MAX_ABS_TILT_DEG = 90.0
+# Beside the vertical by less than this share of the distance, a direction is rounding, and no pan.
+VERTICAL = 1e-12
 # With more blades an aperture is as good as round.
 MOST_BLADES = 32
 NUMBERS = (
@@ -59,7 +61,7 @@ class PTZCamera:
     Attributes:
         position_m: m, the lens centre in the world, (3,).
         pan_deg: degrees about world z; 0 looks along +y, positive towards +x.
-        tilt_deg: degrees above the horizon.
+        tilt_deg: degrees above the horizon, −90 to 90; straight down, the image's top points along the pan.
         zoom: the paper's multiplier, 1 to `max_zoom`; horizontal field of view = `widest_fov_deg` / zoom.
         focus_distance_m: m, depth of the plane in focus along the optical axis (d_k of Eq. 14).
         f_number: focal length over aperture diameter.
@@ -107,7 +109,7 @@ class PTZCamera:
         _require(all(map(math.isfinite, resolution)), "resolution", resolution, "at least 1 × 1 pixel")
         object.__setattr__(self, "resolution", resolution)
         _require(math.isfinite(self.pan_deg), "pan_deg", self.pan_deg, "finite degrees")
-        _require(abs(self.tilt_deg) <= MAX_ABS_TILT_DEG, "tilt_deg", self.tilt_deg, f"within ±{MAX_ABS_TILT_DEG}°")
+        _require(abs(self.tilt_deg) <= MAX_ABS_TILT_DEG, "tilt_deg", self.tilt_deg, f"within ±{MAX_ABS_TILT_DEG:g}°")
         _require(0 < self.widest_fov_deg < 180, "widest_fov_deg", self.widest_fov_deg, "between 0 and 180 degrees")
         _require(1 <= self.zoom <= self.max_zoom, "zoom", self.zoom, f"1 to {self.max_zoom:g}")
         _require(min(self.resolution) >= 1, "resolution", resolution, "at least 1 × 1 pixel")
@@ -277,6 +279,8 @@ class PTZCamera:
         x, y, z = as_points(target_m, "target_m") - np.array(self.position_m)
         if math.hypot(x, y, z) == 0:
             raise GeometryError(f"target_m = {tuple(target_m)} is the camera's own position; there is no direction")
+        if math.hypot(x, y) < VERTICAL * abs(z):
+            return 0.0, math.copysign(MAX_ABS_TILT_DEG, z)
         return math.degrees(math.atan2(x, y)), math.degrees(math.atan2(z, math.hypot(x, y)))
 
     def aimed_at(self, target_m: Sequence[float] | Floats) -> PTZCamera:

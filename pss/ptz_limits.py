@@ -26,7 +26,7 @@ class PTZLimits:
     Attributes:
         pan_range_deg: degrees, (lowest, highest) between mechanical stops; may span more than a turn. None: turns
             without end, and then a turn must be a whole number of steps.
-        tilt_range_deg: degrees, (lowest, highest); the camera's own ±89.9° hold as well.
+        tilt_range_deg: degrees, (lowest, highest); the camera's own ±90° hold as well.
         zoom_range: (lowest, highest) of the paper's multiplier; the camera's own `max_zoom` holds as well.
         pan_speed_deg_per_s, tilt_speed_deg_per_s: degrees/s.
         zoom_factor_per_s: by which the zoom can grow or shrink in a second, above 1.
@@ -105,7 +105,7 @@ def _range(name: str, value: object) -> tuple[float, float] | None:
     if not -math.inf < low <= high < math.inf:
         refuse(name, value, "(lowest, highest) in degrees, lowest <= highest, or None for no limit")
     if name == "tilt_range_deg" and (low > MAX_ABS_TILT_DEG or high < -MAX_ABS_TILT_DEG):
-        refuse(name, value, f"a range that reaches into ±{MAX_ABS_TILT_DEG}°")
+        refuse(name, value, f"a range that reaches into ±{MAX_ABS_TILT_DEG:g}°")
     return low, high
 
 

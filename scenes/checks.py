@@ -6,12 +6,12 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from pss import Box, GeometryError, PTZCamera, RangeError, Rectangle, Sphere
+from pss import Box, GeometryError, PTZCamera, Rectangle, Sphere
 from pss.surrogates import Mesh, Shape
 from scenes.avatar import avatar_mesh
 from scenes.avatar_checks import check_avatars
 from scenes.avatar_schema import AvatarSpec, stance_of
-from scenes.errors import Location, Problems, allowed_in
+from scenes.errors import Location, Problems
 from scenes.mesh_file import holds
 from scenes.mesh_schema import MeshSpec
 from scenes.optics import FAR_M, check_optics
@@ -118,8 +118,6 @@ def _check_pose(place: Location, camera: CameraSpec, draft: SceneSpec, problems:
             PTZCamera(position, 0, 0, focus_distance_m=FAR_M).aimed_at(camera.aim_m)
         except GeometryError:
             problems.add((*place, "aim_m"), "a point away from the camera itself")
-        except RangeError as error:
-            problems.add((*place, "aim_m"), f"a point at a tilt {allowed_in(error)}")
 
 
 def _check_light(draft: SceneSpec, problems: Problems) -> None:

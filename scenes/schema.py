@@ -57,7 +57,7 @@ Size = Annotated[Number, Field(gt=0)]
 PixelCount = Annotated[int, Field(strict=True, ge=16, le=20000)]
 EXPOSURE = f"a number from {SHORTEST_EXPOSURE_MS:g} to {LONGEST_EXPOSURE_MS:g}, in milliseconds"
 Exposure = Annotated[Number, Field(ge=SHORTEST_EXPOSURE_MS, le=LONGEST_EXPOSURE_MS)]
-TILT = f"a number from -{MAX_ABS_TILT_DEG} to {MAX_ABS_TILT_DEG}, in degrees"
+TILT = f"a number from -{MAX_ABS_TILT_DEG:g} to {MAX_ABS_TILT_DEG:g}, in degrees"
 
 
 RoomSide = Annotated[

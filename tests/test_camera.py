@@ -24,7 +24,7 @@ DIFFERENCE_RELATIVE = 1e-5
 settings_of_cameras = {
     "position_m": st.tuples(*[st.floats(-5, 5)] * 3),
     "pan_deg": st.floats(-400, 400),
-    "tilt_deg": st.floats(-89.9, 89.9),
+    "tilt_deg": st.floats(-90, 90),
     "zoom": st.floats(1, 8),
     "focus_distance_m": st.floats(0.5, 50),
     "f_number": st.floats(0.8, 22),
@@ -176,12 +176,39 @@ def test_aimed_at_puts_the_target_in_the_middle(camera, target):
     assert dataclasses.replace(aimed, pan_deg=camera.pan_deg, tilt_deg=camera.tilt_deg) == camera
 
 
+@pytest.mark.parametrize("sign", [-1, 1])
+@pytest.mark.parametrize("pan_deg", [0.0, 35.0, -120.0])
+def test_straight_up_and_down_are_the_limits_of_steep_tilts(sign, pan_deg):
+    """Projection and Jacobian go over into each other; down, the image's top points along the pan."""
+    position = np.array([1.0, -2.0, 1.5])
+    points = position + [[0.2, 0.1, sign], [-0.3, 0.4, 2 * sign], [0.0, 0.0, 3 * sign]]
+    steep, upright = (
+        PTZCamera(tuple(position), pan_deg, sign * tilt, radial_distortion=(-0.1, 0.0)) for tilt in (89.999, 90.0)
+    )
+    moved_px = 1.5 * math.radians(0.001) * steep.focal_px
+    np.testing.assert_allclose(upright.project(points)[0], steep.project(points)[0], atol=moved_px)
+    assert np.isfinite(upright.jacobian(points)).all()
+    np.testing.assert_allclose(upright.jacobian(points), steep.jacobian(points), atol=2e-4 * steep.focal_px)
+    np.testing.assert_allclose(upright.rotation @ upright.rotation.T, np.eye(3), atol=1e-15)
+    along = np.array([math.sin(math.radians(pan_deg)), math.cos(math.radians(pan_deg)), 0])
+    np.testing.assert_allclose(upright.rotation[1], sign * along, atol=1e-15)
+
+
+def test_a_camera_aimed_straight_below_has_pan_0_whatever_rounding_leaves():
+    camera = PTZCamera((0.1 + 0.2, -1.7, 2.8), 40, -10)
+    for x in (0.3, 0.1 + 0.2, 0.3 - 1e-16):
+        aimed = camera.aimed_at((x, -1.7, 0.4))
+        assert (aimed.pan_deg, aimed.tilt_deg) == (0, -90)
+        pixel, depth = aimed.project((x, -1.7, 0.4))
+        np.testing.assert_allclose(pixel, aimed.principal_point_px, atol=1e-9)
+        assert depth == pytest.approx(2.4)
+    assert camera.aimed_at((0.1 + 0.2, -1.7, 5.0)).tilt_deg == 90
+
+
 def test_aims_without_a_direction_are_refused():
     camera = PTZCamera((1, 2, 3), 0, 0)
     with pytest.raises(GeometryError, match="own position"):
         camera.aimed_at((1, 2, 3))
-    with pytest.raises(RangeError, match=r"tilt_deg = -90.*89\.9"):
-        camera.aimed_at((1, 2, 0))
     with pytest.raises(ShapeError, match=r"target_m has shape \(2,\)"):
         camera.aimed_at((1, 2))
 
@@ -263,8 +290,8 @@ def test_range_depth_and_angles_by_hand():
         ("zoom", 0.99, "1 to 8"),
         ("zoom", 8.01, "1 to 8"),
         ("zoom", math.nan, "1 to 8"),
-        ("tilt_deg", 90.0, "±89.9"),
-        ("tilt_deg", math.nan, "±89.9"),
+        ("tilt_deg", 90.01, "±90°"),
+        ("tilt_deg", math.nan, "±90°"),
         ("pan_deg", math.inf, "finite degrees"),
         ("focus_distance_m", 0.0, "beyond the image distance of 0.002976 m"),
         ("focus_distance_m", 0.002, "beyond the image distance of 0.002976 m"),

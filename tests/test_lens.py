@@ -67,6 +67,16 @@ def test_field_of_view(mi, zoom):
     np.testing.assert_allclose(pixels, film * camera.resolution - 0.5, atol=SINGLE * camera.focal_px)
 
 
+@pytest.mark.parametrize(("pan_deg", "tilt_deg"), [(0, -90), (35, -90), (-120, 90)])
+def test_rays_of_a_camera_that_looks_straight_down_or_up(mi, pan_deg, tilt_deg):
+    """Mitsuba has the camera's own directions there, too: it is given a rotation and no "up" of its own."""
+    camera = dataclasses.replace(CAMERA, pan_deg=pan_deg, tilt_deg=tilt_deg)
+    film = np.random.default_rng(1).random((200, 2)).astype(np.float32).astype(float)
+    origin, direction = rays(mi, camera, film, np.full((200, 2), 0.5))
+    pixels, _ = camera.project(origin + direction)
+    np.testing.assert_allclose(pixels, film * camera.resolution - 0.5, atol=SINGLE * camera.focal_px)
+
+
 @pytest.mark.parametrize("f_number", [1.0, 1.8, 8.0])
 def test_rays_fill_the_aperture_and_meet_in_the_plane_of_focus(mi, f_number):
     """All rays of one film position pass a disc of diameter f/N about the lens centre and meet at depth d.

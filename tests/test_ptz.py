@@ -112,7 +112,7 @@ def test_zoom_is_limited_by_the_camera_and_by_the_limits():
 
 
 def test_straight_below_is_as_far_down_as_the_tilt_goes():
-    assert follow(CAMERA, (3, -5, 0.5), 0.3).tilt_deg == -89.9
+    assert follow(CAMERA, (3, -5, 0.5), 0.3).tilt_deg == -90
     with pytest.raises(GeometryError, match="own position"):
         follow(CAMERA, CAMERA.position_m, 0.3)
     with pytest.raises(RangeError, match="radius_m = -1; allowed"):
@@ -269,7 +269,7 @@ def test_what_cannot_be_moved_is_refused():
         ("pan_range_deg", (10, -10), "lowest <= highest"),
         ("pan_range_deg", (-math.inf, 90), "no limit"),
         ("pan_range_deg", 90, "two numbers"),
-        ("tilt_range_deg", (90, 95), "±89.9"),
+        ("tilt_range_deg", (91, 95), "±90°"),
         ("zoom_range", (0.5, 8), "1 <= lowest <= highest"),
         ("zoom_range", (4, 2), "1 <= lowest <= highest"),
         ("zoom_range", (1, 2, 3), "two numbers"),

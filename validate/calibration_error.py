@@ -23,6 +23,7 @@ import scipy.stats
 from numpy.typing import NDArray
 
 from pss import NoiseModel, PTZCamera, RangeError
+from pss.camera import MAX_ABS_TILT_DEG
 from pss.noise import PixelCovariance
 from pss.views import Views
 from render.view import random_stream
@@ -113,7 +114,8 @@ def _moved(camera: PTZCamera, errors: Floats) -> PTZCamera:
     return dataclasses.replace(
         camera,
         pan_deg=camera.pan_deg + math.degrees(pan),
-        tilt_deg=camera.tilt_deg + math.degrees(tilt),
+        # Beyond the vertical a camera would stand on its head: one that looks straight down is off to one side alone.
+        tilt_deg=min(max(camera.tilt_deg + math.degrees(tilt), -MAX_ABS_TILT_DEG), MAX_ABS_TILT_DEG),
         widest_fov_deg=2 * math.degrees(half) * camera.zoom,
         position_m=(x, y, z),
     )
