@@ -14,12 +14,16 @@ import pytest
 
 from scenes import load_scene
 from scenes.schedule_file import load_schedule
+from tests.layout_of_words import assert_words_are_legible
 from tests.made_up_schedule import STEPS, made_up_schedule
 from tests.test_report import SAME_DIGITS, Page
+from validate.glyphs import settle_words
 from validate.hallway.report.page import schedule_section
 from validate.hallway.report.steps import steps_of_design
 from validate.hallway.report.tables import read_schedule
 from validate.hallway.report.verdict import claims_in_brief
+from validate.print_figures.save import print_style
+from validate.print_figures.walk import walk_figure
 from validate.report.bodies import coarse
 from validate.report.command import remade
 from validate.report.data import KINDS
@@ -266,3 +270,17 @@ def test_a_strangers_folder_runs_no_file(tmp_path):
 def test_tables_of_other_runs_are_refused(made, tmp_path):
     with pytest.raises(StoreError, match=r"configurations\.csv"):
         read_schedule(tmp_path)
+
+
+def test_the_printed_figure_has_both_moments(made):
+    """Where the first person is at each, four cameras and two people named in both, and no word on another."""
+    with print_style():
+        figure = walk_figure(made.both)
+        settle_words(figure)
+        figure.draw_without_rendering()
+        assert_words_are_legible(figure)
+    above = [axes for axes in figure.axes if axes.get_title().startswith("strategy (1)")]
+    assert [axes.get_title() for axes in above] == [f"strategy (1), y of H1 = {y} m" for y in ("−2.0", "2.0")]
+    for axes in above:
+        names = {text.get_text() for text in axes.texts if text.get_text()}
+        assert names == {"1", "2", "3", "4", "H1", "H2"}

@@ -127,7 +127,9 @@ def test_the_strategy_changes_everything_together(browser):
         scene = drawn(browser, SCENE)
         until(browser, lambda d, strategy=strategy, scene=scene: strategy in d.execute_script(SAID, scene))
         of_first = browser.execute_script(
-            "return [...arguments[0].data.find((t) => t.name === 'follows H1').text]", scene
+            "const { color } = arguments[0].data.find((t) => t.name === 'follows H1').marker;"
+            "return arguments[0].layout.scene.annotations.filter((a) => a.font.color === color).map((a) => a.text)",
+            scene,
         )
         shown(browser, "[data-images]")
         words = [element.text for element in browser.find_elements(By.CSS_SELECTOR, "[data-of]")]
