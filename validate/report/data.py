@@ -23,6 +23,8 @@ Floats = NDArray[np.float64]
 
 NEEDED = ("configurations", "points", "correlation", "claims", "detection", "views")
 DETECTION = ("visible_detected", "visible_missed", "hidden_detected", "hidden_missed")
+# Of those missed, the ones that light explains.
+TOO_DARK = "visible_missed_too_dark"
 # Runs of before had none.
 OPTIONAL = ("optima",)
 NEEDED_COLUMNS = tuple(f"budget_{name}" for name in ("visibility", "noise_model", "detector", "geometry"))
@@ -275,5 +277,9 @@ def table_of(name: str, tables: Mapping[str, Sequence[Row]]) -> SweepTable:
         correlation=tuple(tables["correlation"]),
         claims=tuple(tables["claims"]),
         optima=tuple(tables.get("optima", ())),
-        detection={key: whole_number(tables["detection"][0], key) for key in DETECTION},
+        detection={
+            key: whole_number(tables["detection"][0], key)
+            for key in (*DETECTION, TOO_DARK)
+            if key != TOO_DARK or key in tables["detection"][0]  # runs of older versions lack it
+        },
     )
