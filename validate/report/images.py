@@ -6,6 +6,7 @@ Where markers truly project is drawn over the pictures for the reader alone: it 
 from __future__ import annotations
 
 import base64
+import dataclasses
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -16,8 +17,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pss import PTZCamera
 from render.exr import ViewPlanes
 from render.sensor import expected_electrons
+from render.state import Marker, SceneState
+from validate.report.causes import causes
 from validate.report.space import PLATE_MODULES
 from validate.report.steps import Step
 from validate.report.traces import plain
@@ -53,7 +57,11 @@ CROP_MARGIN, LEAST_CROP_PX = 1.7, 28
 
 @dataclass(frozen=True)
 class Crop:
-    """A marker in a view: `kind` is "best", "worst" or "missed"; `side_px` of the square that is cut out."""
+    """A marker in a view: `kind` is "best", "worst" or "missed"; `side_px` of the square that is cut out.
+
+    Attributes:
+        causes: of a missed one, what stands against its being found (`validate.report.causes`).
+    """
 
     kind: str
     view_key: str
@@ -66,6 +74,7 @@ class Crop:
     blur_px: float
     rate: float
     error_px: float
+    causes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -81,6 +90,7 @@ class Pictures:
 def chosen_crops(steps: Sequence[Step]) -> list[Crop]:
     """The markers worst and best localised of all steps, and the largest that should be seen and never were."""
     seen: dict[tuple[str, int], Crop] = {}
+    places: dict[tuple[str, int], tuple[Marker, PTZCamera, SceneState]] = {}
     for step in steps:
         for number, (camera, sight) in enumerate(zip(step.cameras, step.sights, strict=True)):
             error = np.hypot(np.linalg.norm(sight.offset_px, axis=1), sight.spread_px)
@@ -89,6 +99,7 @@ def chosen_crops(steps: Sequence[Step]) -> list[Crop]:
                 if (sight.view_key, int(point)) in seen or (rate > 0 and not np.isfinite(error[point])):
                     continue
                 marker = step.state.markers[point]
+                places[sight.view_key, marker.id] = (marker, camera, step.state)
                 depth = float(camera.to_camera_frame(np.array(marker.centre_m))[2])
                 size = marker.module_m * PLATE_MODULES * camera.focal_px / depth
                 x, y = (float(v) for v in sight.truth_px[point])
@@ -114,7 +125,7 @@ def chosen_crops(steps: Sequence[Step]) -> list[Crop]:
     return (
         [_named(c, "best") for c in best]
         + [_named(c, "worst") for c in worst]
-        + [_named(c, "missed") for c in _of_different_markers(missed)]
+        + [dataclasses.replace(c, causes=causes(*places[c.view_key, c.point])) for c in _of_different_markers(missed)]
     )
 
 
@@ -127,7 +138,7 @@ def _of_different_markers(crops: Iterable[Crop]) -> list[Crop]:
 
 
 def _named(crop: Crop, kind: str) -> Crop:
-    return Crop(**{**vars(crop), "kind": kind})
+    return dataclasses.replace(crop, kind=kind)
 
 
 def overlay(step: Step, camera: int) -> list[list[Any]]:

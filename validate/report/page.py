@@ -10,7 +10,7 @@ from typing import Any
 import jinja2
 import plotly.offline
 
-from validate.report import budget, curves, points, quality, scene3d, space, verdict
+from validate.report import budget, causes, curves, points, quality, scene3d, space, verdict
 from validate.report.data import KINDS, MM, SweepTable
 from validate.report.frame import json_in_page
 from validate.report.images import LAYERS, MOST_BLUR_PX, Crop, Pictures, chosen_crops, overlay
@@ -184,6 +184,7 @@ def words_of(section: Section, crops: Sequence[tuple[Crop, str]]) -> dict[str, A
                 ("missed", "Should be seen, and never found"),
             )
         ],
+        "missed_words": causes.in_words(crop.causes for crop, _ in crops if crop.kind == "missed"),
         "points": [f"{point} on {name}" for point, name in zip(table.point_ids, table.objects, strict=True)],
     }
 

@@ -214,21 +214,20 @@ def remarks(table: SweepTable) -> list[str]:
     if seen:
         found.append(
             f"Of {seen} markers whose centre a camera should see (views × markers), {missed} ({missed / seen:.0%}) "
-            f"were not found: {_causes(missed, table.detection.get('visible_missed_too_dark', 0))}. The paper’s metric "
-            "knows nothing of that.".replace("%", " %")
+            f"were not found{_of_the_dark(missed, table.detection.get('visible_missed_too_dark', 0))}. The paper’s metric "
+            "asks for a centre in view; a detector needs the whole marker, large, sharp and bright enough.".replace(
+                "%", " %"
+            )
         )
     return found
 
 
-def _causes(missed: int, too_dark: int) -> str:
-    """Why markers were missed, as far as light tells."""
-    others = "too small, blurred, oblique, or cut by the image’s edge"
+def _of_the_dark(missed: int, too_dark: int) -> str:
+    """How many of the missed markers were too dark, where any was."""
     if too_dark == 0:
-        return others
+        return ""
     dark = f"too dark, with a contrast below {LEAST_CONTRAST_OVER_NOISE:g} times the noise of a capture"
-    if too_dark == missed:
-        return dark
-    return f"{too_dark} {dark}; the others {others}"
+    return f": {dark}" if too_dark == missed else f", {too_dark} of them {dark}"
 
 
 def claims(rows: Sequence[Row]) -> list[dict[str, str]]:
