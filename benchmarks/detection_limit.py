@@ -21,7 +21,7 @@ from pss import ImageSensor
 from render.markers import predefined_dictionary
 from render.sensor import capture
 from tests.synthetic import DICTIONARY, homography, marker_electrons
-from validate.detect import SEARCHES, find_markers
+from validate.detect import find_markers
 
 MODULES_PX = (4.0, 6.0, 10.0)
 READ_NOISES_E = (1.0, 6.0)
@@ -53,7 +53,7 @@ def found_shares(module_px: float, sensor: ImageSensor, captures: int) -> dict[s
     """Share of the captures in which each search finds the marker, at each of CONTRASTS."""
     rng = np.random.default_rng(int(module_px * 10))
     size = int(np.ceil(8 * module_px * SURROUND))
-    shares = {name: np.zeros(len(CONTRASTS)) for name in ("stock", *SEARCHES)}
+    shares = {name: np.zeros(len(CONTRASTS)) for name in ("stock", "search")}
     for _ in range(captures):
         marker = int(rng.integers(100))
         centre = (size / 2 + rng.uniform(-1, 1), size / 2 + rng.uniform(-1, 1))
@@ -62,8 +62,7 @@ def found_shares(module_px: float, sensor: ImageSensor, captures: int) -> dict[s
         for step, contrast in enumerate(CONTRASTS):
             numbers = capture(unit * white_of(contrast, sensor), sensor, rng)
             shares["stock"][step] += marker in stock(numbers, sensor)
-            for name, search in SEARCHES.items():
-                shares[name][step] += marker in find_markers(numbers, DICTIONARY, search).ids
+            shares["search"][step] += marker in find_markers(numbers, DICTIONARY).ids
     return {name: value / captures for name, value in shares.items()}
 
 

@@ -108,7 +108,7 @@ def set_value(model: type[Spec], key: str, value: object, problems: Problems) ->
     document = copy.deepcopy(problems.document)
     try:
         location = _set(model, document, key.split("."), value)
-    except _NoSuchKey as error:
+    except (_NoSuchKey, _RemovedKey) as error:
         problems.say(f"override {key} = {shown(value)}; {error}")
     else:
         problems.document = document
@@ -122,6 +122,10 @@ def _parsed(text: str) -> object:
     except (ValueError, RecursionError):
         return text
     return document["value"] if set(document) == {"value"} else text
+
+
+class _RemovedKey(Exception):
+    """A key that files could have before; the text says why not any more."""
 
 
 class _NoSuchKey(Exception):
@@ -149,6 +153,8 @@ def _set(model: type[Spec], document: dict[str, Any], steps: list[str], value: o
                 here = here[index]
         elif tables and isinstance(here, dict):
             table = narrowed(tables, here)[0]
+            if step in table.removed:
+                raise _RemovedKey(f"the key was removed: {table.removed[step]}")
             if step not in allowed_keys(table):
                 raise _NoSuchKey(step, place, allowed_keys(table))
             location += (step,)

@@ -74,6 +74,11 @@ class Problems:
         said = "" if value is ABSENT else f" = {shown(value)}"
         self.say(f"{dotted(location, self.document)}{said}; unknown key{hint}; allowed: {', '.join(allowed)}")
 
+    def removed_key(self, location: Location, reason: str) -> None:
+        """Report a key that had a meaning once."""
+        value = shown(_value_at(self.document, location))
+        self.say(f"{dotted(location, self.document)} = {value}; the key was removed: {reason}; delete it")
+
     def say(self, text: str) -> None:
         """Add a line about the file, once; of very many only the first."""
         line = f"{self.file}: {text}"

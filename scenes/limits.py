@@ -31,7 +31,7 @@ MOST_CAMERAS = 256
 MOST_OBJECTS = 200
 # Ten by ten lamps fill any ceiling that is allowed.
 MOST_PANELS = 100
-# The largest dictionary has as many ids.
+# Each is compared with each object. Grids may have more: as many as their dictionary has ids.
 MOST_PLACED = 1000
 # Light is solved on patches of half a metre; a hall of this length and breadth has as many as a matrix can be made of.
 LONGEST_ROOM_M = 100.0

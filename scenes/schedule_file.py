@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -14,7 +14,7 @@ from scenes.errors import Location, Problems
 from scenes.inside import scene_of
 from scenes.limits import LONGEST_TITLE, MOST_FRAMES, MOST_RUNS, MOST_STEPS
 from scenes.quantities import Metres, Trials
-from scenes.spec import Name, Number, Positive, Spec, known
+from scenes.spec import ONE_SEARCH, Name, Number, Positive, Spec, known
 
 __all__ = [
     "SURROGATES",
@@ -102,6 +102,8 @@ class RealWalkSpec(Spec):
 class ScheduleSpec(Spec):
     """A whole schedule file; `scene` is a path from where the file is."""
 
+    removed: ClassVar[dict[str, str]] = {"search": ONE_SEARCH}
+
     scene: Annotated[str, Field(strict=True, min_length=1, description="the path of a scene file, from this file")]
     title: Annotated[
         str,
@@ -118,7 +120,6 @@ class ScheduleSpec(Spec):
         Field(min_length=1, max_length=MOST_RUNS, description=f'a list of numbers, 1 or more, or "{UNLIMITED}"'),
     ] = (UNLIMITED,)
     surrogate: Annotated[Literal[SURROGATES], Field(description=f"one of {', '.join(SURROGATES)}")] = "cylinder"
-    search: Annotated[Literal["plain", "thorough"], Field(description="plain or thorough")] = "thorough"
     trials: Trials = 20
     seed: Annotated[int, Field(strict=True, ge=0, description="a whole number, 0 or more")] = 0
     render_noise_ratio: Annotated[

@@ -28,6 +28,7 @@ from scenes.errors import Location, Problems
 from scenes.limits import LONGEST_NAME
 
 __all__ = [
+    "ONE_SEARCH",
     "Count",
     "Item",
     "Name",
@@ -42,6 +43,9 @@ __all__ = [
     "present",
     "validate",
 ]
+
+ONE_SEARCH = "there is one search, which finds more than each of the former two"
+"""Why sweep and schedule files have no `search` any more."""
 
 DRAFT = {"draft": True}
 """Validation context of the draft."""
@@ -58,6 +62,9 @@ class Spec(BaseModel):
 
     replaces: ClassVar[dict[str, tuple[str, ...]]] = {}
     """Keys that an override of another key takes away, because the two say the same in different ways."""
+
+    removed: ClassVar[dict[str, str]] = {}
+    """Keys that files could have before, with the reason why not any more."""
 
     @model_validator(mode="before")
     @classmethod
@@ -142,6 +149,8 @@ def validate(model: type[S], document: dict[str, Any], problems: Problems) -> tu
 def _report(model: type[Spec], item: dict[str, Any], problems: Problems) -> None:
     location, owners, below = _location_in_file(model, item["loc"])
     match item["type"]:
+        case "extra_forbidden" if location[-1] in owners[0].removed:
+            problems.removed_key(location, owners[0].removed[str(location[-1])])
         case "extra_forbidden":
             problems.unknown_key(location, allowed_keys(owners[0]))
         case "missing":

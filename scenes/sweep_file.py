@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import Field
 
@@ -16,7 +16,7 @@ from scenes.inside import scene_of
 from scenes.limits import LONGEST_TITLE
 from scenes.quantities import Trials
 from scenes.scene_steps import SceneStepsSpec, check_steps
-from scenes.spec import Number, Spec, one_of
+from scenes.spec import ONE_SEARCH, Number, Spec, one_of
 from scenes.vary import (
     Configuration,
     LineSpec,
@@ -45,6 +45,8 @@ PAIRS_FIGURE = 3
 class SweepSpec(Spec):
     """A whole sweep file; `scene` is a path from where the file is."""
 
+    removed: ClassVar[dict[str, str]] = {"search": ONE_SEARCH}
+
     scene: Annotated[str, Field(strict=True, min_length=1, description="the path of a scene file, from this file")]
     title: Annotated[
         str,
@@ -57,7 +59,6 @@ class SweepSpec(Spec):
     render_noise_ratio: Annotated[
         Number, Field(gt=0, le=10, description="a number above 0, at most 10: of the sensor's noise (σ)")
     ] = 0.6
-    search: Literal["plain", "thorough"] = Field("plain", description="plain, or thorough (finds more small markers)")
     active: Names | None = Field(None, description="a list of one or more names of cameras")
     vary: one_of("parameter", SettingSpec, SelectionSpec, SceneStepsSpec)
 
@@ -74,7 +75,6 @@ class SweepFile:
         trials: noisy captures of each view.
         render_noise_ratio: bound on a view's sampling noise at the edges of markers, in units of the sensor's noise.
         seed: of the run.
-        search: how markers are looked for, a name in `validate.detect.SEARCHES`.
     """
 
     name: str
@@ -84,7 +84,6 @@ class SweepFile:
     trials: int
     render_noise_ratio: float
     seed: int
-    search: str
     _spec: SweepSpec = dataclasses.field(repr=False)
     _document: dict[str, Any] = dataclasses.field(repr=False, compare=False)
 
@@ -150,7 +149,6 @@ def load_sweep(path_or_name: str | Path, overrides: Iterable[str] = (), *, allow
         trials=spec.trials,
         render_noise_ratio=spec.render_noise_ratio,
         seed=spec.seed,
-        search=spec.search,
         _spec=spec,
         _document=problems.document,
     )

@@ -153,7 +153,7 @@ def test_a_run_warns_of_views_in_the_dark():
 
 
 @pytest.mark.parametrize(
-    ("exposure", "cause"), [("2.0", "too small, blurred"), ("2.0e-5", "too dark, with a contrast")]
+    ("exposure", "cause"), [("2.0", "found. The paper"), ("2.0e-5", "found: too dark, with a contrast")]
 )
 def test_the_report_blames_light_only_where_it_is_light(exposure, cause, tmp_path, monkeypatch):
     """A made-up run that finds nothing, in the light and in the dark."""
@@ -175,7 +175,7 @@ def test_the_report_blames_light_only_where_it_is_light(exposure, cause, tmp_pat
     assert row["visible_missed_too_dark"] == (row["visible_missed"] if "dark" in cause else 0)
     [said] = [line for line in remarks(read_sweeps(tmp_path / "run")[0]) if "were not found" in line]
     assert cause in said
-    assert ("too small" in said) == ("too small" in cause)
+    assert ("too dark" in said) == ("too dark" in cause)
 
 
 def load_scene_of(folder, text):

@@ -11,7 +11,6 @@ import pytest
 from render.sensor import capture
 from tests.synthetic import DICTIONARY, SENSOR, corners, homography, marker_electrons
 from validate.bound import centre_bound, draw_finely, pixel_sums
-from validate.detect import SEARCHES, find_markers
 from validate.exact_drawing import draw_exactly
 from validate.localise import Refusal, localise, register
 
@@ -54,8 +53,6 @@ WORST_CLAIM = 16.0
 SIZE, SAMPLES = 160, 16
 CENTRE = (79.37, 80.81)
 LEVELS_E = (15.0, 250.0)
-# Drawn small and slanted; the thorough search found 38 of them, the plain one 9.
-SMALL_MARKERS, MORE_FOUND = 40, 15
 # Corners as a detector may find them, px.
 ASTRAY = np.array([[0.6, -0.5], [-0.4, 0.7], [0.5, 0.4], [-0.6, -0.3]])
 
@@ -264,58 +261,3 @@ def test_what_a_narrow_stripe_does_is_refused_or_claimed():
     print(f"refused {refused} of 15; largest squared error over claim {worst:.1f}")
     assert refused >= 3
     assert worst < WORST_CLAIM
-
-
-@pytest.mark.parametrize("search", SEARCHES.values(), ids=SEARCHES)
-def test_markers_are_found_in_a_dim_capture_beside_a_lamp(search):
-    """A lamp a hundred times as bright as paper does not blind the search."""
-    _h, _, electrons = _scene(*CASES[2])
-    large = np.full((400, 400), 60.0)
-    large[150 : 150 + SIZE, 150 : 150 + SIZE] = electrons
-    large[:20, :60] = 9000.0
-    found = find_markers(capture(large, SENSOR, np.random.default_rng(1)), DICTIONARY, search)
-    assert found.ids.tolist() == [7]
-    np.testing.assert_allclose(found.corners_px[0].mean(axis=0), np.array(CENTRE) + 150, atol=1.5)
-
-
-@pytest.mark.parametrize("search", SEARCHES.values(), ids=SEARCHES)
-def test_a_number_that_is_found_twice_is_left_out(search):
-    """Two markers of one number name at least one wrong place."""
-    _h, _, electrons = _scene(*CASES[2])
-    both = np.full((200, 400), 60.0)
-    both[20 : 20 + SIZE, 20 : 20 + SIZE] = electrons
-    both[20 : 20 + SIZE, 220 : 220 + SIZE] = electrons
-    assert find_markers(capture(both, SENSOR, np.random.default_rng(1)), DICTIONARY, search).ids.size == 0
-
-
-def test_the_thorough_search_finds_more_small_and_slanted_markers():
-    """Forty of 3 to 5 px a module, turned and foreshortened: none under a wrong number, none at a wrong place."""
-    rng = np.random.default_rng(4)
-    found = dict.fromkeys(SEARCHES, 0)
-    for trial in range(SMALL_MARKERS):
-        h = homography(rng.uniform(3, 5), CENTRE, rng.uniform(0, 90), rng.uniform(0.45, 0.9), (0.0, 0.0))
-        image = capture(marker_electrons(trial, h, SIZE, 250.0, 15.0, 0.5), SENSOR, rng)
-        for name, search in SEARCHES.items():
-            markers = find_markers(image, DICTIONARY, search)
-            assert set(markers.ids.tolist()) <= {trial}
-            found[name] += len(markers.ids)
-            if len(markers.ids):
-                np.testing.assert_allclose(markers.corners_px[0].mean(axis=0), CENTRE, atol=1.5)
-    assert found["thorough"] >= found["plain"] + MORE_FOUND
-
-
-def test_what_two_blurs_place_apart_is_left_out(monkeypatch):
-    """A number here in the blurred picture and there in the sharper one is a number found twice."""
-    _h, _, electrons = _scene(*CASES[2])
-    image = capture(electrons, SENSOR, np.random.default_rng(1))
-    assert find_markers(image, DICTIONARY, SEARCHES["thorough"]).ids.tolist() == [7]
-    monkeypatch.setattr("validate.detect.SAME_MARKER_PX", -1.0)
-    assert find_markers(image, DICTIONARY, SEARCHES["thorough"]).ids.size == 0
-
-
-def test_nothing_found_in_an_empty_capture():
-    """An image without markers is a result, not an error."""
-    empty = capture(np.full((200, 300), 80.0), SENSOR, np.random.default_rng(2))
-    found = find_markers(empty, DICTIONARY)
-    assert found.ids.shape == (0,)
-    assert found.corners_px.shape == (0, 4, 2)

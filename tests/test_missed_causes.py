@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from validate.check.estimated_light import estimated_appearance
 
 from pss.legibility import WholeTarget, blur_modules, narrow_side_px
 from scenes import load_scene
 from validate.assess import predict
-from validate.check.estimated_light import estimated_appearance
 from validate.check.foreseen import LARGEST_BLUR_MODULES, SMALLEST_MODULE_PX
 from validate.report.causes import BLURRED, COVERED, CUT, SMALL, causes, in_words
 

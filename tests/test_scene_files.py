@@ -16,6 +16,7 @@ from pss import ConstantVelocity, PSSError, RandomWalk, Rectangle, Sphere
 from scenes import SceneError, load_scene, load_sweep
 from scenes.dictionaries import DICTIONARIES
 from scenes.layout import PLATE_OFFSET_M, overlapping, plate_corners_m, upwards
+from scenes.schedule_file import load_schedule
 
 FOLDER = Path(scenes.sweep_file.__file__).parent
 ROOM = (FOLDER / "room.toml").read_text()
@@ -203,10 +204,13 @@ def test_at_a_pole_up_is_plus_y(z):
 
 
 def test_dictionaries_are_opencvs():
-    """The table does without OpenCV; OpenCV agrees with every entry and has no other of that family."""
+    """The table does without OpenCV; OpenCV agrees with every entry and has no other."""
     cv2 = pytest.importorskip("cv2")
-    names = {name for name in dir(cv2.aruco) if re.fullmatch(r"DICT_\dX\d_\d+", name)}
-    assert set(DICTIONARIES) == names
+    names = {name for name in dir(cv2.aruco) if name.startswith("DICT_")}
+    assert set(DICTIONARIES) <= names
+    # AprilTag's have a second name each, in capitals.
+    assert {getattr(cv2.aruco, name) for name in names} == {getattr(cv2.aruco, name) for name in DICTIONARIES}
+    assert len({getattr(cv2.aruco, name) for name in DICTIONARIES}) == len(DICTIONARIES)
     for name, entry in DICTIONARIES.items():
         found = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name))
         assert (entry.modules, entry.ids) == (found.markerSize + 2, len(found.bytesList))
@@ -744,6 +748,7 @@ def test_an_unknown_sweep_is_told_with_the_nearest():
 
 BROKEN_SWEEPS = {
     "unknown key": (ZOOM, [("trials", "trails")], "trails", "20", 'mean "trials"'),
+    "removed": (ZOOM, [("seed", 'search = "plain"\nseed')], "search", '"plain"', "the key was removed: there is one"),
     "missing": (ZOOM, [("seed = 2011\n", "")], "seed", None, "a whole number"),
     "one trial": (ZOOM, [("trials = 20", "trials = 1")], "trials", "1", "2 or more"),
     "parameter": (ZOOM, [('"zoom"', '"zom"')], "vary.parameter", '"zom"', "zoom, focus_distance_m, pan_deg, tilt_deg"),
@@ -777,6 +782,16 @@ def test_a_broken_sweep_is_one_line_with_file_key_value_and_what_is_allowed(what
     (problem,) = caught.value.problems
     assert problem.startswith(f"{path}: {start_of_line(key, value)}")
     assert allowed in problem.partition("; ")[2]
+
+
+def test_a_removed_key_is_named_in_schedules_and_overrides_too():
+    """One line each: what was removed and why, with no list of keys to search."""
+    for load, name in ((load_sweep, "zoom"), (load_schedule, "hallway")):
+        with pytest.raises(SceneError) as caught:
+            load(name, ["sweep.search=thorough"])
+        (problem,) = caught.value.problems
+        assert "search" in problem
+        assert "the key was removed: there is one search" in problem
 
 
 def test_all_problems_of_a_sweep_come_at_once(tmp_path, room):

@@ -21,20 +21,17 @@ class LightError(PSSError, RuntimeError):
 
 @dataclass(frozen=True)
 class Acquisition:
-    """A view that is wanted, with the trials to be measured on it and how markers are searched in them."""
+    """A view that is wanted, with the trials to be measured on it."""
 
     request: ViewRequest
     seed: int
     trials: int
-    search: str = "plain"
 
     def task(self, store: Store) -> MeasureTask:
         """The measuring task of this view."""
         state = self.request.state
         ids = tuple(marker.id for marker in state.markers)
-        return MeasureTask(
-            store.folder, self.request.key, state.print.dictionary, ids, self.seed, self.trials, self.search
-        )
+        return MeasureTask(store.folder, self.request.key, state.print.dictionary, ids, self.seed, self.trials)
 
 
 def views_of(
@@ -44,11 +41,10 @@ def views_of(
     renderer: str,
     seed: int,
     trials: int,
-    search: str = "plain",
 ) -> tuple[Acquisition, ...]:
     """A view of a scene for each of `cameras`, as `Acquisition` has them."""
     return tuple(
-        Acquisition(ViewRequest(scene.state, camera, scene.sensor, sampling, renderer), seed, trials, search)
+        Acquisition(ViewRequest(scene.state, camera, scene.sensor, sampling, renderer), seed, trials)
         for camera in cameras
     )
 

@@ -12,7 +12,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from render.view import RenderedView
 from validate.acquire import Acquisition
-from validate.detect import SEARCHES, find_markers
+from validate.detect import find_markers
 from validate.glyphs import glyph_runs
 from validate.store import Store, atomic_path
 from validate.stored_views import stored_view
@@ -75,7 +75,7 @@ def _thumbnail(item: Acquisition, view: RenderedView, caption: str) -> NDArray[n
     grey = displayed(view.capture_dn, view.sensor.black_level_dn)
     scale = THUMBNAIL_PX / grey.shape[1]
     small = cv2.cvtColor(cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), cv2.COLOR_GRAY2BGR)
-    found = find_markers(view.capture_dn, item.request.state.print.dictionary, SEARCHES[item.search])
+    found = find_markers(view.capture_dn, item.request.state.print.dictionary)
     for corners in found.corners_px:
         outline = np.rint((corners + 0.5) * scale - 0.5).astype(np.int32)
         cv2.polylines(small, [outline], True, GREEN, 1, cv2.LINE_AA)

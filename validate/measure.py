@@ -21,7 +21,7 @@ from render.code_digest import Code, code_of
 from render.keys import content_of, random_stream
 from render.markers import predefined_dictionary
 from render.sensor import capture, fixed_pattern
-from validate.detect import SEARCHES, Search, find_markers
+from validate.detect import find_markers
 from validate.localise import localise
 from validate.store import Store
 from validate.stored_arrays import check_arrays
@@ -95,13 +95,12 @@ class MeasureTask:
     marker_ids: tuple[int, ...]
     seed: int
     trials: int
-    search: str = "plain"
     code: str = field(default_factory=lambda: measure_code().digest)
 
     @property
     def path(self) -> Path:
         """Where the measurement is stored."""
-        detector = f"{self.code}/{self.search}/{_words_of(self.dictionary)}/{','.join(map(str, self.marker_ids))}"
+        detector = f"{self.code}/{_words_of(self.dictionary)}/{','.join(map(str, self.marker_ids))}"
         return Store(self.store).measurement(self.view_key, detector, self.seed, self.trials)
 
 
@@ -110,13 +109,12 @@ def measure_capture(
     dictionary: str,
     marker_ids: tuple[int, ...],
     sensor: ImageSensor,
-    search: Search = SEARCHES["plain"],
 ) -> tuple[Floats, Floats, int]:
     """Find and localise markers in one capture: pixels (N, 2), covariance (N, 2, 2), and the number of strangers."""
     pixels = np.full((len(marker_ids), 2), np.nan)
     covariance = np.full((len(marker_ids), 2, 2), np.nan)
     index = {marker: number for number, marker in enumerate(marker_ids)}
-    found = find_markers(capture_dn, dictionary, search)
+    found = find_markers(capture_dn, dictionary)
     strangers = 0
     for marker, corners in zip(found.ids.tolist(), found.corners_px, strict=True):
         if marker not in index:
@@ -144,7 +142,7 @@ def measure(task: MeasureTask) -> Path:
     for trial in range(task.trials):
         rng = random_stream(task.seed, content_of(task.view_key), "capture", trial)
         numbers = capture(electrons, view.sensor, rng, pattern)
-        trials.append(measure_capture(numbers, task.dictionary, task.marker_ids, view.sensor, SEARCHES[task.search]))
+        trials.append(measure_capture(numbers, task.dictionary, task.marker_ids, view.sensor))
     pixels, covariances, strangers = zip(*trials, strict=True)
     seconds = time.perf_counter() - begin
     store.save(

@@ -99,8 +99,7 @@ def plan(sweep: SweepFile, scene: Scene, renderer: str, sampling: Sampling) -> P
         raise RangeError(f'{scene.path}: sensor.exposure_ms = "auto"; allowed: a scene after Scene.with_exposure')
     configurations = tuple(sweep.configurations(scene))
     views = tuple(
-        views_of(each.scene, each.cameras, sampling, renderer, sweep.seed, sweep.trials, sweep.search)
-        for each in configurations
+        views_of(each.scene, each.cameras, sampling, renderer, sweep.seed, sweep.trials) for each in configurations
     )
     return Plan(sweep, scene, configurations, views)
 

@@ -89,7 +89,7 @@ def step_views(
     """The views of a scene that a schedule asks for; None for its own number of trials."""
     said = schedule.said
     sampling = Sampling(noise_ratio=said.render_noise_ratio)
-    return views_of(scene, cameras, sampling, renderer, said.seed, trials or said.trials, said.search)
+    return views_of(scene, cameras, sampling, renderer, said.seed, trials or said.trials)
 
 
 def steered_runs(schedule: ScheduleFile, stage: Stage, own: Mapping[str, Strategy]) -> list[Run]:

@@ -212,12 +212,11 @@ def remarks(table: SweepTable) -> list[str]:
         table.detection["visible_missed"] + table.detection["visible_detected"],
     )
     if seen:
+        dark = _of_the_dark(missed, table.detection.get("visible_missed_too_dark", 0))
         found.append(
             f"Of {seen} markers whose centre a camera should see (views × markers), {missed} ({missed / seen:.0%}) "
-            f"were not found{_of_the_dark(missed, table.detection.get('visible_missed_too_dark', 0))}. The paper’s metric "
-            "asks for a centre in view; a detector needs the whole marker, large, sharp and bright enough.".replace(
-                "%", " %"
-            )
+            f"were not found{dark}. The paper’s metric asks for a centre in view; a detector needs the whole marker, "
+            "large, sharp and bright enough.".replace("%", " %")
         )
     return found
 

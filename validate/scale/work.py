@@ -55,7 +55,6 @@ class Measuring:
 
     seed: int
     trials: int
-    search: str
     file: str
 
 
@@ -185,7 +184,7 @@ def _measured(request: ViewRequest, measurings: tuple[Measuring, ...], store: St
     """Measure a stored view in each way that is not stored yet; the seconds of those that were made now."""
     made: list[float | None] = []
     for measuring in measurings:
-        task = Acquisition(request, measuring.seed, measuring.trials, measuring.search).task(store)
+        task = Acquisition(request, measuring.seed, measuring.trials).task(store)
         if task.path.name != measuring.file:
             raise RuntimeError(f"this worker's project measures {task.path.name}, the run's {measuring.file}")
         if store.fetch(task.path) and load_measurement(task) is not None:
