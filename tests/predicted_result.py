@@ -15,6 +15,8 @@ from validate.assess import predict
 
 __all__ = ["predicted_result"]
 
+TRIALS = 20
+
 
 def predicted_result(name: str, measured: Sequence[float] | None = None, every: int = 4) -> Any:
     """The result of a sweep of the project with every so many of its markers.
@@ -31,13 +33,33 @@ def predicted_result(name: str, measured: Sequence[float] | None = None, every: 
     look = estimated_appearance(scene.state)
     predicted = [predict(scene, step.cameras, look) for step in steps]
     draws = np.array([0.9, 1.0, 1.1])[:, None] * pss
+    points = len(scene.state.markers)
     models = tuple(model.name for model in scene.noise_models)
     return SimpleNamespace(
         plan=SimpleNamespace(sweep=sweep, scene=scene),
         configurations=steps,
-        assessments=[SimpleNamespace(predicted=each) for each in predicted],
+        assessments=[
+            SimpleNamespace(
+                predicted=each,
+                measured=SimpleNamespace(
+                    errors=SimpleNamespace(detected=np.ones((TRIALS, points), dtype=bool)),
+                    inverse_filter_sigma=np.full(points, 3 * value),
+                ),
+            )
+            for each, value in zip(predicted, pss, strict=True)
+        ],
         noise_models=models,
-        replicates={model: SimpleNamespace(measured_pss=draws) for model in models},
+        replicates={
+            model: SimpleNamespace(
+                measured_pss=draws,
+                measured_pss_of_trials=draws,
+                measured_pss_of_points=draws,
+                point_weights=np.full((len(draws), points), 1 / points),
+            )
+            for model in models
+        },
+        # Steps that are exchanged make no difference: what differs is no chance.
+        exchanged_ranges=np.zeros(100),
         measured_pss=lambda single_frame=True: pss * (1 if single_frame else 3),
         predicted_pss=lambda model, single_frame=True: np.array(
             [each[model].pss_single_frame if single_frame else each[model].pss for each in predicted]

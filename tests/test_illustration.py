@@ -151,8 +151,11 @@ def test_the_best_and_the_worst_step_are_shown(figure, result):
     assert titles == ["worst measured: zoom=1", "best measured: zoom=2"]
     nothing = predicted_result("zoom", measured=(0.0, 0.0))
     assert sorted(shown_steps(nothing).values()) == ["best predicted", "worst predicted"]
+    flat = predicted_result("zoom", measured=(1.0, 1.1, 1.05))
+    flat.exchanged_ranges = np.ones(100)
+    assert shown_steps(flat) == {0: "lowest measured", 1: "highest measured"}
     alone = predicted_result("zoom", measured=(2.0,))
-    assert shown_steps(alone) == {0: "best measured"}
+    assert shown_steps(alone) == {0: "the only step"}
     assert len(sweep_figure(alone).axes) == 4
     plt.close("all")
 

@@ -147,14 +147,16 @@ def sweep_figure(result: SweepResult) -> Figure:
 def shown_steps(result: SweepResult) -> dict[int, str]:
     """The steps that are drawn in space, in the sweep's order, and what they are: the best and the worst as measured.
 
-    Where nothing was measured, by the prediction of the leading noise model; where that has no best either, the first
-    and the last.
+    Of a flat curve they are the highest and the lowest, and no better or worse. Where nothing was measured, by the
+    prediction of the leading noise model; where that has no best either, the first and the last.
     """
-    leading = result.noise_models[-1]
-    for pss, side in ((result.measured_pss(True), "measured"), (result.predicted_pss(leading, True), "predicted")):
-        best = optimum(pss)
+    if len(result.configurations) == 1:
+        return {0: "the only step"}
+    for curve in (trend(result, True), trend(result, True, result.noise_models[-1])):
+        best = optimum(curve.values)
         if best is not None:
-            words = {int(np.nanargmin(pss)): f"worst {side}", best: f"best {side}"}
+            highest, lowest = ("highest", "lowest") if curve.flat else ("best", "worst")
+            words = {int(np.nanargmin(curve.values)): f"{lowest} {curve.side}", best: f"{highest} {curve.side}"}
             return dict(sorted(words.items()))
     return {0: "first step", len(result.configurations) - 1: "last step"}
 
