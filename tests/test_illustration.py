@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from matplotlib.collections import PolyCollection
 from matplotlib.text import Annotation
+from matplotlib.transforms import Bbox
 
 from pss import Box
 from scenes import load_scene
@@ -165,13 +166,17 @@ def test_stars_do_not_cover_each_other():
     assert star_heights([2.0, 2.0, None, 2.1, 5.0], 8.0) == [1.0, 1.075, None, 1.15, 1.0]
     result = predicted_result("zoom", measured=(1.0, 2.0, 4.0, 3.0))
     result.predicted_pss = lambda model, single_frame=True: result.measured_pss(single_frame)
-    made = plt.figure(figsize=(6, 4.5))
+    made = plt.figure(figsize=(6, 5), layout="constrained")
     axes = made.add_subplot()
     draw_curves(axes, result, single_frame=True)
     made.canvas.draw()
     stars = [line for line in axes.lines if line.get_marker() == "*"]
     assert len(stars) == 1 + len(result.noise_models)
-    boxes = [star.get_window_extent() for star in stars]
+    half_px = stars[0].get_markersize() / 2 * made.dpi / 72
+    places = [axes.transData.transform((star.get_xdata()[1], star.get_ydata()[1])) for star in stars]
+    boxes = [Bbox([place - half_px, place + half_px]) for place in places]
+    legend = axes.get_legend().get_window_extent()
+    assert not any(box.overlaps(legend) for box in boxes)
     for number, box in enumerate(boxes):
         assert not any(box.overlaps(other) for other in boxes[number + 1 :])
         assert axes.get_window_extent().contains(*box.max)

@@ -27,7 +27,7 @@ from validate.log_ticks import round_numbers
 from validate.names_beside import shortened, width_of
 from validate.optimum import optimum
 from validate.slopes import Slopes, slopes_of
-from validate.stars import star_heights
+from validate.stars import STEP, star_heights
 from validate.store import Store, atomic_path
 from validate.sweep import SweepResult
 from validate.table_text import written
@@ -187,7 +187,9 @@ def draw_curves(axes: Axes, result: SweepResult, single_frame: bool) -> None:
     heights = star_heights(places, float(x[-1] - x[0]))
     for place, height, colour in zip(places, heights, colours, strict=True):
         if place is not None and height is not None:
-            axes.plot(place, height, "*", color=colour, ms=14, mec="white", zorder=5)
+            # A legend finds its place by vertices alone: those above and below keep it off the star.
+            around = [height - STEP, height, height + STEP]
+            axes.plot([place] * 3, around, "*", markevery=[1], color=colour, ms=14, mec="white", zorder=5)
     axes.set_xlabel(AXIS_NAMES.get(result.configurations[0].parameter, result.configurations[0].parameter))
     axes.set_ylabel("PSS relative to its maximum")
     kind = "single frame: C against triangulation" if single_frame else "filter: P∞ against tracking"

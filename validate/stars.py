@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-__all__ = ["star_heights"]
+__all__ = ["STEP", "star_heights"]
 
 # Of the axis: stars that are nearer to each other than this would touch.
 NEAR_SHARE = 0.05
-# Of the curves' largest value, 1: a star and a gap.
 STEP = 0.075
+"""Of the curves' largest value, 1: a star and a gap."""
 
 
 def star_heights(places: Sequence[float | None], span: float) -> list[float | None]:
