@@ -31,7 +31,7 @@ from scenes.vary import (
 if TYPE_CHECKING:
     from scenes.scene import Scene
 
-__all__ = ["Configuration", "SweepFile", "known_sweeps", "load_sweep"]
+__all__ = ["Configuration", "SweepFile", "SweepSpec", "check_sweep", "known_sweeps", "load_sweep", "sweep_of"]
 
 SWEEPS = Path(__file__).parent / "sweeps"
 """Where the sweeps that go by a bare name are."""
@@ -137,12 +137,17 @@ def load_sweep(path_or_name: str | Path, overrides: Iterable[str] = (), *, allow
     """
     path = named_file(path_or_name, SWEEPS, "sweep")
     spec, draft, problems = read_spec(SweepSpec, path, overrides)
-    _check_sweep(draft, problems)
+    check_sweep(draft, problems)
     scene_path = scene_of(path, draft.scene, allow_outside, problems)
     problems.raise_if_any()
     assert spec is not None  # no problem, so pydantic had none
+    return sweep_of(spec, path.stem, path, scene_path, problems.document)
+
+
+def sweep_of(spec: SweepSpec, name: str, path: Path, scene_path: Path, document: dict[str, Any]) -> SweepFile:
+    """The sweep of a checked file: `document` is what its messages quote."""
     return SweepFile(
-        name=path.stem,
+        name=name,
         path=path,
         title=spec.title,
         scene_path=scene_path,
@@ -150,7 +155,7 @@ def load_sweep(path_or_name: str | Path, overrides: Iterable[str] = (), *, allow
         render_noise_ratio=spec.render_noise_ratio,
         seed=spec.seed,
         _spec=spec,
-        _document=problems.document,
+        _document=document,
     )
 
 
@@ -162,7 +167,7 @@ def known_sweeps() -> list[str]:
 # ---- rules that need several keys at once --------------------------------------------------------------------------
 
 
-def _check_sweep(draft: SweepSpec, problems: Problems) -> None:
+def check_sweep(draft: SweepSpec, problems: Problems) -> None:
     """What can be judged without the scene."""
     check_once(("active",), draft.active, problems)
     match draft.vary:

@@ -10,7 +10,7 @@ import numpy as np
 from render.sampling import Sampling
 from render.view import Certificate, RenderedView
 from scenes import load_scene, load_sweep
-from validate import claims, compare, tables, trends
+from validate import claims, compare, measurement, tables, trends
 from validate.acquire import Acquired, Acquisition
 from validate.measure import ViewMeasurement
 from validate.report.command import of_results, write_report
@@ -51,6 +51,7 @@ def made_up_run(folder: Path, scene: str, sweeps: dict[str, str]) -> tuple[list[
         ("detection", tables.detection_rows(results)),
         ("correlation", [row for r in results for row in compare.correlation_rows(r)]),
         ("claims", [row for r in results for row in claims.claim_rows(r)]),
+        ("measurement", [row for r in results for row in measurement.measurement_rows(r)]),
         ("optima", [row for r in results for row in trends.optimum_rows(r)]),
     ):
         tables.write_csv(out / f"{name}.csv", rows)

@@ -22,6 +22,7 @@ EXAMPLES = [
 # What takes longer than a test may, or needs what a long run leaves; why.
 NOT_RUN = {
     "run_sweep.py my-room-sweep.toml": "renders",
+    "run_sweep.py measure my-room.toml": "renders",
     "run_sweep.py compare results/zoom results/brighter": "needs runs",
     "run_sweep.py compare results/zoom results/brighter --rows correlation --table tex": "needs runs",
     "run_sweep.py figures --dry-run": "steers the cameras of the hallway for minutes",

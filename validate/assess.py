@@ -61,6 +61,17 @@ class Measured:
         return measured_inverse_sigma(self.filter_sigma_m, self.errors.detection_rate)
 
     @property
+    def own_nees(self) -> Floats:
+        """(N,), mean eᵀC⁻¹e with the covariance that the detections claim for themselves; 3 where they are right."""
+        errors, covariance = self.errors.errors_m, self.triangulated.covariance_m2
+        known = self.errors.detected
+        values = np.full(known.shape, np.nan)
+        weighted = np.linalg.solve(covariance[known], errors[known][..., None])[..., 0]
+        values[known] = (errors[known] * weighted).sum(axis=-1)
+        counts = known.sum(axis=0)
+        return np.where(counts > 0, np.nansum(values, axis=0) / np.maximum(counts, 1), np.nan)
+
+    @property
     def pss_filter(self) -> float:
         """1/m, measured PSS of the filter kind (beside the paper's PSS)."""
         return measured_pss(self.filter_sigma_m, self.errors.detection_rate)

@@ -38,9 +38,9 @@ class Curve:
 def claim_rows(result: SweepResult) -> list[Row]:
     """A row for each claim and each side: the prediction by each noise model, and the measurement.
 
-    None for a sweep that is of none of the paper's figures.
+    None for a sweep that is of none of the paper's figures, or of one step.
     """
-    if result.plan.sweep.paper_figure(result.plan.scene) is None:
+    if len(result.assessments) < 2 or result.plan.sweep.paper_figure(result.plan.scene) is None:
         return []
     return [
         {"sweep": result.plan.sweep.name, **row}

@@ -21,6 +21,7 @@ COMMANDS = {
     "check": "validate.check.command",
     "compare": "validate.side_by_side.command",
     "figures": "validate.print_figures.command",
+    "measure": "validate.measure_command",
     "new-scene": "validate.new_scene",
     "pixel-noise": "validate.pixel_noise.command",
     "report": "validate.report.command",
@@ -36,6 +37,7 @@ Predict how precisely cameras resolve 3D points, render and measure it, and comp
 Commands (COMMAND --help has more; --version states which program this is):
   new-scene         write a commented scene and sweep to start from
   check             what the cameras of a scene will see, with a plan, before anything is rendered
+  measure           a scene as it is: the error of each marker in mm, beside what is predicted
   compare           two or more runs side by side, with differences and intervals
   figures           the paper's Figures 1 to 4 from our runs, as PDF and SVG
   schedule          cameras follow two people who pass each other, by one strategy after the other

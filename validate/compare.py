@@ -57,10 +57,12 @@ def correlation_rows(result: SweepResult) -> list[Row]:
     rows: list[Row] = []
     counts = {len(configuration.cameras) for configuration in result.configurations}
     cameras = str(counts.pop()) if len(counts) == 1 else "all"
+    one_step = len(result.assessments) < 2
     for model in result.noise_models:
         replicates = result.replicates[model]
-        yardsticks = _yardsticks(result, replicates)
-        for metric in _metrics(result, model, replicates):
+        # Of one step there is no order.
+        yardsticks = [] if one_step else _yardsticks(result, replicates)
+        for metric in [] if one_step else _metrics(result, model, replicates):
             for yardstick in yardsticks:
                 sign = 1 if metric.higher_is_better == yardstick.higher_is_better else -1
                 found = _correlate(metric, yardstick, sign)
@@ -82,7 +84,7 @@ def correlation_rows(result: SweepResult) -> list[Row]:
 def own_rows(result: SweepResult) -> list[Row]:
     """Rows of own metrics alone, against measured single-frame PSS over the steps, with the step each would choose."""
     rows: list[Row] = []
-    for model in result.noise_models:
+    for model in result.noise_models if len(result.assessments) > 1 else ():
         yardstick = _yardsticks(result, result.replicates[model])[0]
         of_users = _metrics(result, model, result.replicates[model])[len(COMPARED) :]
         for metric, series in zip(own_metrics(), of_users, strict=True):

@@ -9,7 +9,6 @@ from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 from matplotlib.colors import BoundaryNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
@@ -19,11 +18,13 @@ from pss.json_text import json_text
 from render.code_digest import code_of
 from validate.contact_sheet import contact_sheet
 from validate.drawing import plt
+from validate.figure_style import MEASURED, MODEL_COLOURS, TITLE_WIDTH, write_round_numbers
 from validate.file_names import FIGURES, figure_file
 from validate.glyphs import settle_words
 from validate.illustration import colour_scale, draw_configuration, shared_colours
 from validate.intervals import interval
-from validate.log_ticks import round_numbers
+from validate.measurement import is_measurement
+from validate.measurement_figure import measurement_figure
 from validate.names_beside import shortened, width_of
 from validate.optimum import optimum
 from validate.slopes import Slopes, slopes_of
@@ -34,6 +35,8 @@ from validate.table_text import written
 from validate.trends import Trend, trend
 
 __all__ = [
+    "MEASURED",
+    "MODEL_COLOURS",
     "all_drawn",
     "draw_all",
     "draw_curves",
@@ -46,9 +49,6 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 
-MEASURED = "#111111"
-# Colour-blind safe (Okabe and Ito).
-MODEL_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 AXIS_NAMES = {
     "zoom": "zoom (90° / field of view)",
     "focus_distance_m": "focus distance in m",
@@ -63,9 +63,8 @@ AXIS_NAMES = {
     "cameras": "number of cameras",
 }
 DPI = 130
-MOST_TICKS, WIDER = 7, 1.1
 # Characters of a title's line, of a label, and of all labels of an axis that stand level.
-TITLE_WIDTH, LONGEST_LABEL, LEVEL_WIDTH = 90, 26, 50
+LONGEST_LABEL, LEVEL_WIDTH = 26, 50
 # Room over the highest star.
 ABOVE_OPTIMUM = 1.08
 # Modules that figures use and that do not draw: what they give is in the tables, which count by themselves.
@@ -110,7 +109,8 @@ def draw_all(folder: Path, results: Sequence[SweepResult], store: Store) -> list
             continue
         name = result.plan.sweep.name
         curves, points, captures = (folder / "figures" / figure_file(name, suffix) for suffix in FIGURES)
-        for path, figure in ((curves, sweep_figure(result)), (points, points_figure(result))):
+        first = measurement_figure(result) if is_measurement(result) else sweep_figure(result)
+        for path, figure in ((curves, first), (points, points_figure(result))):
             settle_words(figure)
             with atomic_path(path) as temporary:
                 figure.savefig(temporary, dpi=DPI, format="png")
@@ -221,15 +221,6 @@ def _slopes(axes: Axes, result: SweepResult, found: Slopes) -> None:
     write_round_numbers(axes.yaxis, np.array(axes.get_ylim()))
     axes.grid(alpha=0.3, which="both", lw=0.4)
     axes.legend(fontsize=8)
-
-
-def write_round_numbers(axis: Axis, values: Floats) -> None:
-    """Give a logarithmic axis ticks with their whole numbers, for the range of some values, two at the least."""
-    low, high = float(values.min()), float(values.max())
-    while len(ticks := round_numbers(low, high, MOST_TICKS)) < 2:
-        low, high = low / WIDER, high * WIDER
-    axis.set_ticks(ticks, labels=[f"{tick:g}" for tick in ticks])
-    axis.set_minor_formatter(NullFormatter())
 
 
 def _curve(axes: Axes, x: Floats, curve: Trend, colour: str, style: str, name: str) -> float | None:

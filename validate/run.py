@@ -13,8 +13,8 @@ from pss import RangeError
 from pss.json_text import json_text
 from render import backend
 from render.sampling import Sampling
-from scenes import Scene, SceneError, SweepFile, known_sweeps, load_scene, load_sweep
-from validate import claims, compare, figures, slopes, summary, tables, trends
+from scenes import Scene, SweepFile, known_sweeps
+from validate import claims, compare, figures, measurement, slopes, summary, tables, trends
 from validate.acquire import Acquired, Acquisition, acquire, with_whole_views
 from validate.dry_run import announce, exposures_assumed
 from validate.errors3d import FEWEST_TRIALS
@@ -27,6 +27,7 @@ from validate.progress import clock
 from validate.remote_store import is_address, open_store
 from validate.report.command import REPORT, of_results, source_of_report, write_report
 from validate.run_file import read_run
+from validate.run_files import load_measurement_of, load_sweeps
 from validate.run_messages import RunMessages
 from validate.scale.options import HERE, Scale
 from validate.store import Store, StoreError, write_text
@@ -55,11 +56,28 @@ class Options:
     quiet: bool = False
     scale: Scale = HERE
     report: bool = True
+    cameras: tuple[str, ...] | None = None
+    """Of `scene`, which is measured as it is, without sweeps: those that take part, all if there are none."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the sweeps, or of the scene that is measured."""
+        if self.cameras is None:
+            return tuple(map(sweep_name, self.sweeps))
+        return (sweep_name(str(self.scene)),)
 
     @property
     def folder(self) -> Path:
         """Where the results go."""
-        return self.out or Path("results") / "-".join(map(sweep_name, self.sweeps))
+        if self.cameras is not None:
+            return self.out or Path("results") / "measure" / self.names[0]
+        return self.out or Path("results") / "-".join(self.names)
+
+    @property
+    def overrides(self) -> tuple[str, ...]:
+        """All that is to be changed in the files."""
+        given = {"trials": self.trials, "seed": self.seed}
+        return (*self.set, *(f"sweep.{key}={value}" for key, value in given.items() if value is not None))
 
 
 def execute(options: Options, messages: RunMessages) -> int:
@@ -75,7 +93,8 @@ def execute(options: Options, messages: RunMessages) -> int:
     messages.console.print(str(chosen), markup=False)
     store = open_store(options.store)
     if not options.dry_run:
-        messages.start(options.folder, "sweeps", sweeps=options.sweeps, store=options.store)
+        command = "sweeps" if options.cameras is None else "measure"
+        messages.start(options.folder, command, sweeps=options.names, store=options.store)
     of_files = dict.fromkeys(warning for _, scene in loaded for warning in scene.warnings)
     for warning in of_files:
         messages.warn(warning)
@@ -160,16 +179,15 @@ def execute(options: Options, messages: RunMessages) -> int:
 
 def _check(options: Options) -> None:
     """What the user can get wrong before any file is read."""
-    if not options.sweeps:
+    if not options.sweeps and options.cameras is None:
         raise RangeError(f"no sweep given; allowed: {', '.join(known_sweeps())}, or the paths of .toml files")
     if options.trials is not None and options.trials < 2:
         raise RangeError(f"--trials {options.trials}; allowed: {FEWEST_TRIALS} or more (one has no spread)")
     if options.seed is not None and options.seed < 0:
         raise RangeError(f"--seed {options.seed}; allowed: 0 or more")
-    names = [sweep_name(name) for name in options.sweeps]
-    check_names(names)
-    if options.out is None:
-        check_default_folder(names, options.folder)
+    check_names(options.names)
+    if options.out is None and options.cameras is None:
+        check_default_folder(options.names, options.folder)
     check_folders(options.folder, options.store)
     options.scale.check()
 
@@ -194,24 +212,11 @@ def check_folders(out: Path, store: str) -> None:
 
 
 def _loaded(options: Options) -> list[tuple[SweepFile, Scene]]:
-    """Read all files and report all their problems together."""
-    loaded, problems = [], []
-    overrides = list(options.set)
-    if options.trials is not None:
-        overrides.append(f"sweep.trials={options.trials}")
-    if options.seed is not None:
-        overrides.append(f"sweep.seed={options.seed}")
-    for name in options.sweeps:
-        try:
-            sweep = load_sweep(name, overrides, allow_outside=options.allow_outside)
-            scene = load_scene(options.scene or sweep.scene_path, overrides, allow_outside=options.allow_outside)
-            sweep.configurations(scene)  # raises what is wrong with them
-            loaded.append((sweep, scene))
-        except SceneError as error:
-            problems += [problem for problem in error.problems if problem not in problems]
-    if problems:
-        raise SceneError(problems)
-    return loaded
+    """Sweeps with their scenes, or the scene that is measured as it is."""
+    if options.cameras is None:
+        return load_sweeps(options.sweeps, options.scene, options.overrides, options.allow_outside)
+    assert options.scene is not None
+    return [load_measurement_of(options.scene, options.cameras, options.overrides, options.allow_outside)]
 
 
 def _write(
@@ -227,6 +232,7 @@ def _write(
     tables.write_csv(folder / "correlation.csv", [r for result in whole for r in compare.correlation_rows(result)])
     tables.write_csv(folder / "claims.csv", [r for result in whole for r in claims.claim_rows(result)])
     tables.write_csv(folder / "optima.csv", [r for result in whole for r in trends.optimum_rows(result)])
+    tables.write_csv(folder / "measurement.csv", [r for result in whole for r in measurement.measurement_rows(result)])
     tables.write_csv(folder / "slopes.csv", [r for result in whole for r in slopes.slope_rows(result)])
     linked_views(folder, sorted({item.request.key for item in wanted} - set(acquired.failed)), store)
 

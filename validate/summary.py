@@ -13,6 +13,8 @@ from validate.compare import Correlation, headline, own_rows
 from validate.console import Console
 from validate.errors3d import FEWEST_TRIALS
 from validate.intervals import FEWEST_RESAMPLED, oracle_regret
+from validate.measurement import is_measurement
+from validate.measurement_summary import error_line, error_table, ratio_table
 from validate.own_metrics import own_metrics, own_table
 from validate.slopes import slope_rows
 from validate.sweep import SweepResult
@@ -25,19 +27,26 @@ __all__ = ["show"]
 def show(results: Sequence[SweepResult], acquired: Acquired, console: Console) -> None:
     """Print a run's tables."""
     whole = [result for result in results if result.assessments]
-    if whole:
-        console.print(_correlation_table(whole))
+    for result in filter(is_measurement, whole):
+        console.print(error_table(result))
+        console.print(ratio_table(result))
+    in_steps = [result for result in whole if not is_measurement(result)]
+    if in_steps:
+        console.print(_correlation_table(in_steps))
         if own_metrics():
-            console.print(own_table([row for result in whole for row in own_rows(result)]))
-        of_factors = [result for result in whole if result.plan.sweep.varies_scene]
-        of_paper = [result for result in whole if result.plan.sweep.paper_figure(result.plan.scene)]
+            console.print(own_table([row for result in in_steps for row in own_rows(result)]))
+        of_factors = [result for result in in_steps if result.plan.sweep.varies_scene]
+        of_paper = [result for result in in_steps if result.plan.sweep.paper_figure(result.plan.scene)]
         if of_paper:
             console.print(_claims_table(of_paper))
-        if len(of_paper) < len(whole):
-            console.print(_optima_table([result for result in whole if result not in of_paper]))
+        if len(of_paper) < len(in_steps):
+            console.print(_optima_table([result for result in in_steps if result not in of_paper]))
         if of_factors:
             console.print(_slopes_table(of_factors))
+    if whole:
         console.print(_detection_table(whole))
+    for result in filter(is_measurement, whole):
+        console.print(error_line(result), markup=False, soft_wrap=True)
     for result in results:
         _remarks(result, acquired, console)
 
@@ -134,7 +143,7 @@ def _remarks(result: SweepResult, acquired: Acquired, console: Console) -> None:
     """Results that are no errors, but that a reader must know of."""
     name = result.plan.sweep.name
     for configuration, assessment, wanted in zip(result.configurations, result.assessments, result.views, strict=True):
-        where = f"{name} {configuration.label}"
+        where = name if is_measurement(result) else f"{name} {configuration.label}"
         if len(configuration.cameras) < 2:
             console.print(f"{where}: one camera observes no point (PSS 0)", markup=False)
         for camera, item in zip(configuration.cameras, wanted, strict=True):
@@ -152,8 +161,8 @@ def _remarks(result: SweepResult, acquired: Acquired, console: Console) -> None:
         shares = np.array([assessment.measured.errors.noise_share for assessment in result.assessments])
         known = shares[np.isfinite(shares)]
         if len(known):
+            spread = f" in the median configuration ({known.min():.0%} to {known.max():.0%})" if len(known) > 1 else ""
             console.print(
-                f"{name}: noise makes {np.median(known):.0%} of the mean squared error in the median configuration "
-                f"({known.min():.0%} to {known.max():.0%}); the rest is bias",
+                f"{name}: noise makes {np.median(known):.0%} of the mean squared error{spread}; the rest is bias",
                 markup=False,
             )

@@ -22,7 +22,16 @@ from validate.intervals import interval
 from validate.store import write_text
 from validate.sweep import SweepResult
 
-__all__ = ["configuration_rows", "detection_rows", "point_rows", "timing_rows", "view_rows", "write_csv"]
+__all__ = [
+    "THRESHOLDS_MM",
+    "configuration_rows",
+    "detection_rows",
+    "point_rows",
+    "pooled",
+    "timing_rows",
+    "view_rows",
+    "write_csv",
+]
 
 Row = dict[str, object]
 Floats = NDArray[np.float64]
@@ -146,7 +155,7 @@ def _points(configuration: Configuration, assessment: Assessment, model: str) ->
         "measured_prior_rms_m": measured.prior_rms_m,
         "measured_posterior_rms_m": measured.posterior_rms_m,
         "nees": errors.nees(predicted.single_frame_covariance),
-        "nees_detections": _own_nees(measured),
+        "nees_detections": measured.own_nees,
     }
     for number, marker in enumerate(configuration.scene.state.markers):
         x, y, z = marker.centre_m
@@ -159,17 +168,6 @@ def _points(configuration: Configuration, assessment: Assessment, model: str) ->
             "z_m": z,
             **{name: column[number] for name, column in columns.items()},
         }
-
-
-def _own_nees(measured: Measured) -> Floats:
-    """(N,), mean eᵀC⁻¹e with the covariance that the detections claim for themselves; 3 where they are right."""
-    errors, covariance = measured.errors.errors_m, measured.triangulated.covariance_m2
-    known = measured.errors.detected
-    values = np.full(known.shape, np.nan)
-    weighted = np.linalg.solve(covariance[known], errors[known][..., None])[..., 0]
-    values[known] = (errors[known] * weighted).sum(axis=-1)
-    counts = known.sum(axis=0)
-    return np.where(counts > 0, np.nansum(values, axis=0) / np.maximum(counts, 1), np.nan)
 
 
 def view_rows(results: Sequence[SweepResult], acquired: Acquired) -> list[Row]:

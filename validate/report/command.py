@@ -34,6 +34,7 @@ from validate.report.named import Given
 from validate.report.page import Section, html_of, section_of
 from validate.report.steps import steps_of_plan
 from validate.run_file import listed, needed, option, read_run
+from validate.run_files import load_measurement_of
 from validate.store import Store, StoreError, write_text
 from validate.sweep import Plan, SweepResult, plan
 
@@ -136,6 +137,11 @@ def remade(folder: Path, given: Given = NOTHING_GIVEN, strategy: Sequence[str] =
     overrides = listed(folder, options, "set")
     overrides += [f"sweep.{name}={value}" for name in ("trials", "seed") if (value := option(folder, options, name))]
     loaded = []
+    if option(folder, options, "cameras") is not None:
+        scene_path = given.scene_of(folder, needed(folder, options, "scene"))
+        assert scene_path is not None  # as it is named
+        cameras = listed(folder, options, "cameras")
+        loaded.append(load_measurement_of(scene_path, cameras, overrides, given.allow_outside))
     for name in listed(folder, options, "sweeps"):
         sweep = load_sweep(given.file_of(folder, "sweep", name), overrides, allow_outside=given.allow_outside)
         scene_path = given.scene_of(folder, option(folder, options, "scene"))

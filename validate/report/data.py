@@ -26,7 +26,7 @@ DETECTION = ("visible_detected", "visible_missed", "hidden_detected", "hidden_mi
 # Of those missed, the ones that light explains.
 TOO_DARK = "visible_missed_too_dark"
 # Runs of before had none.
-OPTIONAL = ("optima",)
+OPTIONAL = ("optima", "measurement")
 NEEDED_COLUMNS = tuple(f"budget_{name}" for name in ("visibility", "noise_model", "detector", "geometry"))
 # Columns that hold a number or nothing, by table; those of configurations and points are found by what they hold.
 NUMBERS = {
@@ -118,7 +118,7 @@ class SweepTable:
         steps: by noise model and column, (S,).
         points: by noise model and column, (S, N).
         point_ids, objects: of the N points, in the tables' order.
-        correlation, claims, optima: the sweep's rows; runs of before `optima.csv` have none of the last.
+        correlation, claims, optima, measurement: the sweep's rows; older runs have none of the last two.
         detection: markers over views: `visible_detected`, `visible_missed`, `hidden_detected`, `hidden_missed`.
     """
 
@@ -135,6 +135,7 @@ class SweepTable:
     correlation: tuple[Row, ...]
     claims: tuple[Row, ...]
     optima: tuple[Row, ...]
+    measurement: tuple[Row, ...]
     detection: dict[str, int]
 
     @property
@@ -277,6 +278,7 @@ def table_of(name: str, tables: Mapping[str, Sequence[Row]]) -> SweepTable:
         correlation=tuple(tables["correlation"]),
         claims=tuple(tables["claims"]),
         optima=tuple(tables.get("optima", ())),
+        measurement=tuple(tables.get("measurement", ())),
         detection={
             key: whole_number(tables["detection"][0], key)
             for key in (*DETECTION, TOO_DARK)

@@ -10,7 +10,7 @@ from typing import Any
 import jinja2
 import plotly.offline
 
-from validate.report import budget, causes, curves, points, quality, scene3d, space, verdict
+from validate.report import budget, causes, curves, measured, plan, points, quality, scene3d, space, verdict
 from validate.report.data import KINDS, MM, SweepTable
 from validate.report.frame import json_in_page
 from validate.report.images import LAYERS, MOST_BLUR_PX, Crop, Pictures, chosen_crops, overlay
@@ -75,15 +75,23 @@ class Section:
 
 def section_of(table: SweepTable, title: str, steps: Sequence[Step]) -> Section:
     """The figures of a sweep and all that they show at each step."""
+    if measured.is_measurement(table):
+        of_steps = [points.points_figure(table), plan.plan_figure(table, steps)]
+    else:
+        of_steps = [
+            curves.curves_figure(table),
+            points.points_figure(table),
+            quality.leaderboard_figure(table),
+            quality.nees_figure(table),
+        ]
     figures = [
-        curves.curves_figure(table),
-        points.points_figure(table),
-        quality.leaderboard_figure(table),
-        quality.nees_figure(table),
+        *of_steps,
         budget.budget_figure(table),
         budget.visibility_figure(table),
         scene3d.scene_figure(table, steps[0].state.room),
     ]
+    if measured.is_measurement(table):
+        figures = measured.of_one_step(figures)
     parts = (
         points.point_columns(table, steps),
         budget.budget_columns(table),
@@ -154,13 +162,17 @@ def page_of(
 def _words_of_sweep(section: Section) -> dict[str, Any]:
     """What the template says of a sweep alone."""
     table = section.table
+    alone = measured.is_measurement(table)
     return {
-        "verdict": verdict.in_words(table),
+        "verdict": measured.measured_in_words(table) if alone else verdict.in_words(table),
         "remarks": verdict.remarks(table),
-        "verdicts": verdict.verdicts(table),
+        "verdicts": [] if alone else verdict.verdicts(table),
+        "ratios": measured.ratio_rows(table),
+        "markers": measured.marker_rows(table) if alone else [],
+        "leading": table.leading_model,
         "claims": verdict.claims(table.claims),
         "findings": verdict.findings(table),
-        "steps": _step_rows(table),
+        "steps": [] if alone else _step_rows(table),
         "own": [f"{name}, {table.leading_model}" for name in table.own_metrics(table.leading_model)],
     }
 
@@ -192,14 +204,14 @@ def words_of(section: Section, crops: Sequence[tuple[Crop, str]]) -> dict[str, A
 def _step_rows(table: SweepTable) -> list[dict[str, Any]]:
     """The table of steps, for who would rather read than look; PSS in 1/m."""
     single = KINDS[0]
-    measured = table.measured_pss(single)
+    found = table.measured_pss(single)
     columns = table.steps[table.models[0]]
     return [
         {
             "label": label,
             "cameras": " ".join(table.camera_names[n]),
             "predicted": [written(table.predicted_pss(model, single).values[n], 4) for model in table.models],
-            "measured": _with_limits(measured.values[n], measured.low[n], measured.high[n]),
+            "measured": _with_limits(found.values[n], found.low[n], found.high[n]),
             "own": [_own_text(values[n]) for values in table.own_metrics(table.leading_model).values()],
             "filter": written(table.measured_pss(KINDS[1]).values[n], 4),
             "points": f"{columns['detected'][n]:.0f} of {columns['points'][n]:.0f}",

@@ -191,12 +191,12 @@ def remarks(table: SweepTable) -> list[str]:
     """What a reader must know before believing the verdict; no sentence that the tables do not bear out."""
     found = []
     steps = len(table.labels)
-    if steps < 20:
+    if 1 < steps < 20:
         found.append(
             f"{steps} steps of one sweep are few: read the interval, not the number. It comes from resampled trials "
             "and points, and says nothing of other rooms or cameras."
         )
-    wide = [v for v in verdicts(table) if not math.isnan(v.low) and v.low <= 0 <= v.high]
+    wide = [v for v in verdicts(table) if steps > 1 and not math.isnan(v.low) and v.low <= 0 <= v.high]
     if wide:
         names = ", ".join(f"{v.model} ({v.kind.words})" for v in wide)
         found.append(f"The interval of ρ includes 0 for {names}: no order of the steps is shown there.")

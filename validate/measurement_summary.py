@@ -1,0 +1,86 @@
+"""What a run prints of a scene measured as it is: the error in mm by object, and predicted against measured PSS."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.table import Table
+
+from validate.intervals import interval
+from validate.measurement import measurement_rows
+from validate.sweep import SweepResult
+from validate.table_text import written
+from validate.tables import THRESHOLDS_MM, pooled
+
+__all__ = ["error_line", "error_table", "ratio_table"]
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+MM = 1000.0
+
+
+def error_line(result: SweepResult) -> str:
+    """How large the errors are, in one sentence."""
+    errors = result.assessments[0].measured.errors
+    found, points = int((errors.detections > 0).sum()), len(errors.rms_m)
+    name = result.plan.sweep.name
+    if not found:
+        return f"{name}: none of {points} markers was triangulated; there is no error to state"
+    low, high = (float(end[0]) * MM for end in interval(next(iter(result.replicates.values())).rms_m))
+    limits = "" if np.isnan(low) else f" [{low:.3g}, {high:.3g}]"
+    shares = ", ".join(f"{errors.share_under(mm / MM):.0%} under {mm} mm" for mm in THRESHOLDS_MM)
+    return (
+        f"{name}: RMS error {errors.pooled_rms_m * MM:.3g} mm{limits} over {found} of {points} markers that were "
+        f"triangulated; of all captures of all markers {shares}"
+    )
+
+
+def error_table(result: SweepResult) -> Table:
+    """The markers of each object: how many were found, and their errors, measured and predicted."""
+    (assessment,), errors = result.assessments, result.assessments[0].measured.errors
+    table = Table(title=f"{result.plan.sweep.name}: error of the markers in mm, single frame")
+    table.add_column("object")
+    for head in ("markers", "triangulated", "measured RMS", "worst marker", "NEES/3 of detections' own"):
+        table.add_column(head, justify="right")
+    for model in result.noise_models:
+        table.add_column(f"predicted, {model}", justify="right")
+    own = assessment.measured.own_nees / 3
+    markers = result.configurations[0].scene.state.markers
+    names = np.array([marker.object_name for marker in markers])
+    for name in dict.fromkeys(names.tolist()):
+        of = names == name
+        known = of & (errors.detections > 0)
+        cells = ["–", "–", "–"]
+        if known.any():
+            worst = int(np.flatnonzero(known)[np.argmax(errors.rms_m[known])])
+            cells = [_mm(pooled(errors.rms_m, of)), f"{_mm(errors.rms_m[worst])} ({markers[worst].id})"]
+            cells.append(f"{np.nanmedian(own[known]):.2f}" if np.isfinite(own[known]).any() else "–")
+        predicted = [_mm(pooled(assessment.predicted[model].single_frame_rms_m, of)) for model in result.noise_models]
+        table.add_row(name, str(int(of.sum())), str(int(known.sum())), *cells, *predicted)
+    return table
+
+
+def ratio_table(result: SweepResult) -> Table:
+    """Predicted against measured PSS, by noise model and kind."""
+    table = Table(title=f"{result.plan.sweep.name}: PSS in 1/m, predicted against measured, with 95 % intervals")
+    for head in ("noise model", "kind"):
+        table.add_column(head)
+    for head in ("predicted", "measured", "measured / predicted", "NEES/3"):
+        table.add_column(head, justify="right")
+    for row in measurement_rows(result):
+        cells = [written(float(str(row[key])), 4) for key in ("predicted_pss", "measured_pss")]
+        limited = [_limited(row, key) for key in ("ratio", "nees_over_3")]
+        table.add_row(str(row["noise_model"]), str(row["kind"]), *cells, *limited)
+    return table
+
+
+def _limited(row: dict[str, object], key: str) -> str:
+    value, low, high = (float(str(row[name])) for name in (key, f"{key}_ci_low", f"{key}_ci_high"))
+    if not np.isfinite(value):
+        return "–"
+    return f"{value:.3g}" + ("" if np.isnan(low) else f" [{low:.3g}, {high:.3g}]")
+
+
+def _mm(value_m: float) -> str:
+    return "–" if np.isnan(value_m) else f"{value_m * MM:.3g}"
