@@ -132,6 +132,7 @@ def test_the_script_finds_every_column_of_every_figure(made):
     section = section_of(table, "title", steps)
     for figure in section.figures:
         assert "slider" not in figure.caption
+        assert "all steps" not in [trace.get("name") for trace in figure.traces]
         for chosen in combinations((section.model_choice, KIND_CHOICE, *figure.choices)):
             assert filled(figure, section.columns[0], chosen)["data"]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import io
 from pathlib import Path
 from types import SimpleNamespace
@@ -18,6 +19,7 @@ from tests.test_sweep_run import SCENE, SWEEP
 from validate.claims import claim_rows
 from validate.compare import correlation_rows
 from validate.figures import draw_curves
+from validate.flatness import EXCHANGES
 from validate.report.curves import curves_figure
 from validate.report.data import KINDS, read_sweeps
 from validate.report.verdict import in_words, verdicts
@@ -114,6 +116,21 @@ def test_a_flat_curve_has_no_optimum_and_no_rank(made):
 
 
 KEY = ("measured", "single frame")
+
+
+def test_a_flat_prediction_ranks_nothing(made):
+    """The paper's R knows no exposure: its rounding errors have no order, whatever is measured; nor a regret."""
+    result = made.results[0]
+    result = dataclasses.replace(result)
+    result.__dict__["exchanged_ranges"] = np.zeros(EXCHANGES)  # what is measured counts as no chance
+    rows = {
+        row["metric"]: row
+        for row in correlation_rows(result)
+        if (row["yardstick"], row["noise_model"], row["level"])
+        == ("measured_pss_single_frame", "corrected", "configuration")
+    }
+    assert rows["pss-single-frame"]["measured_flat"] == "no"
+    assert np.isnan([rows["pss-single-frame"][name] for name in ("spearman", "kendall", "regret")]).all()
 
 
 def test_a_curve_with_an_optimum_keeps_its_rank(made):

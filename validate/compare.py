@@ -26,6 +26,9 @@ SHARE_THRESHOLD_M = 0.005
 # users bring of their own.
 COMPARED = ("pss", "pss-single-frame", "worst-sigma", "visible-share")
 
+# Whether each metric that may be flat is of the single-frame kind.
+KINDS_OF_PSS = {"pss": False, "pss-single-frame": True}
+
 
 @dataclass(frozen=True, eq=False)
 class Series:
@@ -66,7 +69,8 @@ def correlation_rows(result: SweepResult) -> list[Row]:
             for yardstick in yardsticks:
                 sign = 1 if metric.higher_is_better == yardstick.higher_is_better else -1
                 found = _correlate(metric, yardstick, sign)
-                both = (metric.values, np.full_like(metric.values, np.nan) if yardstick.flat else yardstick.values)
+                flat = metric.flat or yardstick.flat
+                both = (metric.values, np.full_like(metric.values, np.nan) if flat else yardstick.values)
                 rows.append(
                     _row(result, metric.name, model, "configuration", yardstick.name, cameras, found)
                     | {
@@ -111,7 +115,7 @@ def headline(result: SweepResult, model: str, single_frame: bool) -> tuple[Corre
 
 
 def _correlate(metric: Series, yardstick: Series, sign: int) -> Correlation:
-    if yardstick.flat:
+    if yardstick.flat or metric.flat:
         return Correlation(len(metric.values), np.nan, np.nan, np.nan)
     rho = sign * float(weighted_spearman(metric.values, yardstick.values))
     low = high = np.nan
@@ -124,7 +128,7 @@ def _correlate(metric: Series, yardstick: Series, sign: int) -> Correlation:
 
 
 def _regret(metric: Series, yardstick: Series) -> float:
-    if yardstick.halves is None:
+    if yardstick.halves is None or metric.flat:
         return np.nan
     return regret(metric.values, *yardstick.halves, higher_is_better=metric.higher_is_better)
 
@@ -159,7 +163,8 @@ def _metrics(result: SweepResult, model: str, replicates: SweepReplicates) -> li
             samples = replicates.point_weights @ np.array([means[name](e) for e in evaluations]).T
         else:
             samples = np.broadcast_to(values, (len(replicates.point_weights), len(values)))
-        found.append(Series(name, values, samples, metric.higher_is_better))
+        flat = name in KINDS_OF_PSS and trend(result, KINDS_OF_PSS[name], model).flat
+        found.append(Series(name, values, samples, metric.higher_is_better, flat=flat))
     for metric in own_metrics():
         values = np.array([scores.values[metric.name] for scores in result.own_scores[model]])
         samples = np.broadcast_to(values, (len(replicates.point_weights), len(values)))

@@ -24,6 +24,8 @@ THRESHOLDS_MM = (1, 2, 5, 10)
 
 # Columns of measurement.csv.
 NUMBERS = ("predicted_pss", "measured_pss", *(f"{name}{end}" for name in ("ratio", "nees_over_3") for end in ENDS))
+# The name of what a figure draws of all steps together.
+ALL_STEPS = "all steps"
 # Captions of figures that are made for a sweep of several steps.
 CAPTIONS = {
     "points": (
@@ -48,8 +50,15 @@ CAPTIONS = {
 
 
 def of_one_step(figures: Sequence[Figure]) -> list[Figure]:
-    """The figures with captions that speak of no other steps."""
-    return [replace(figure, caption=CAPTIONS.get(figure.id, figure.caption)) for figure in figures]
+    """The figures with captions that speak of no other steps, and without what is drawn of those."""
+    return [
+        replace(
+            figure,
+            caption=CAPTIONS.get(figure.id, figure.caption),
+            traces=[trace for trace in figure.traces if trace.get("name") != ALL_STEPS],
+        )
+        for figure in figures
+    ]
 
 
 def is_measurement(table: SweepTable) -> bool:

@@ -30,6 +30,8 @@ __all__ = [
 FOLLOWS_FROM = 0.6
 # The standing of a prediction of a measured curve that is flat.
 NOTHING_TO_FOLLOW = "has nothing to follow"
+# That of a prediction which is itself flat.
+PREFERS_NONE = "prefers no step"
 # How settings of cameras are said; of what else is varied, the tables' own name is.
 IN_SENTENCES = {
     "focus_distance_m": "a focus distance of {value} m",
@@ -76,7 +78,9 @@ class Verdict:
     @property
     def standing(self) -> str:
         """What the interval allows to say."""
-        return NOTHING_TO_FOLLOW if self.measured_optimum == FLAT else standing_of(self.rho, self.low, self.high)
+        if self.measured_optimum == FLAT:
+            return NOTHING_TO_FOLLOW
+        return PREFERS_NONE if self.predicted_optimum == FLAT else standing_of(self.rho, self.low, self.high)
 
 
 def rho_words(rho: float, low: float, high: float) -> str:
@@ -156,6 +160,9 @@ def in_words(table: SweepTable) -> str:
     if single.measured_optimum == FLAT:
         words = f"Measured single-frame PSS is {table.finding(KINDS[0])}: there is no order to predict. "
         words += f"Predicted (noise model {single.model}): {table.finding(KINDS[0], single.model)}."
+    elif single.predicted_optimum == FLAT:
+        words = f"Predicted single-frame PSS (noise model {single.model}) is {table.finding(KINDS[0], single.model)}. "
+        words += f"Measured: {table.finding(KINDS[0])}."
     else:
         words = (
             f"Predicted single-frame PSS (noise model {single.model}) {single.standing} the measured one over the "
@@ -169,6 +176,8 @@ def in_words(table: SweepTable) -> str:
         words += "."
     if filtered.measured_optimum == FLAT:
         return f"{words} The filter’s PSS is {table.finding(KINDS[1])}."
+    if filtered.predicted_optimum == FLAT:
+        return f"{words} The paper’s own PSS, of σ∞, prefers no step, and {filtered.best_label} is best for the filter."
     return (
         f"{words} The paper’s own PSS, of σ∞, {filtered.standing} the filter’s: ρ = {filtered.rho_text}; it would "
         f"choose {filtered.chosen_label}, and {filtered.best_label} is best."

@@ -53,6 +53,8 @@
     get course() { return this.data.courses[this.data.course_of.map((name) => this.shared[name]).join("|")]; }
     get step() { return this.course[this.place]; }
     get label() { return this.data.labels[this.place]; }
+    /** " at" the step, where there are several. */
+    get where() { return this.data.labels.length > 1 ? ` at ${this.label}` : ""; }
     go(place) {
       this.place = Math.min(Math.max(place, 0), this.data.labels.length - 1);
       this.slider.value = this.place;
@@ -156,8 +158,12 @@
       if (layout.legend) layout.legend = { ...layout.legend, font: { size: 10.5 } };
       for (const trace of traces) {
         const owner = trace.colorbar ? trace : trace.marker && trace.marker.colorbar ? trace.marker : null;
-        if (owner) owner.colorbar = { ...owner.colorbar, orientation: "h", y: -0.02, yanchor: "top", len: 0.9, thickness: 10,
+        if (!owner) continue;
+        // Below the axis with its numbers and title, where there is one.
+        const below = this.figure.id === "scene" ? -0.02 : -0.2;
+        owner.colorbar = { ...owner.colorbar, orientation: "h", y: below, yanchor: "top", len: 0.9, thickness: 10,
           title: { ...owner.colorbar.title, side: "top" } };
+        if (layout.margin) layout.margin = { ...layout.margin, b: 110 };
       }
       if (this.figure.id === "scene") { 
         layout.margin = { l: 0, r: 0, t: 0, b: 60 };
@@ -286,7 +292,7 @@
       const layer = this.root.querySelector("[data-picture]:checked").value;
       this.root.querySelectorAll("[data-scale]").forEach((scale) => { scale.hidden = scale.dataset.scale !== layer; });
       const words = shown.map((view, n) => this.fill(holder.children[n], view, layer));
-      this.root.querySelector("[data-view-said]").textContent = shown.length > 1 ? `All cameras at ${this.sweep.label}.` : words[0];
+      this.root.querySelector("[data-view-said]").textContent = shown.length > 1 ? `All cameras${this.sweep.where}.` : words[0];
     }
     /** One view's picture with what is drawn over it; what is said of it. */
     fill(frame, [name, key, note], layer) {
@@ -301,7 +307,7 @@
       const times = layer === "error" ? this.enlarged(view) : 0;
       if (times) words += ` Errors are drawn ${times} times as large.`;
       frame.querySelector("[data-of]").textContent = `camera ${name}${note ? ", " + note : ""}: ${words}`;
-      const said = `Camera ${name} at ${this.sweep.label}: ${words}`;
+      const said = `Camera ${name}${this.sweep.where}: ${words}`;
       img.alt = `${said} Picture: ${layer}.`;
       frame.querySelector("[data-svg]").replaceWith(this.overlay(view, over, times));
       return said;
