@@ -518,8 +518,9 @@ def test_too_much_light_is_said_aloud(closet):
     worst = max(shares, key=shares.get)
     assert shares[worst] > 0.3
     (line,) = [line for line in result.stderr.splitlines() if "saturated" in line]
-    assert line.startswith("2 of 2 views have more than 0.1% of the pixels on markers saturated; the worst is camera ")
-    assert f"camera {worst}: {shares[worst]:.1%}. What helps: " in line
+    start = "2 of 2 views have more than 0.1% of the pixels on markers saturated; the worst is "
+    assert line.startswith(start)
+    assert f"{start}the view of camera {worst} at {worst} of alone: {shares[worst]:.1%}. What helps: " in line
 
 
 def test_an_exposure_of_auto_is_chosen_said_and_kept(closet):
