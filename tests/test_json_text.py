@@ -27,7 +27,7 @@ ALLOWED = {
     ("pss/json_text.py", "json_text"): "is the writer",
     ("pss/noise/calibrated.py", "_quoted"): "escapes a text for TOML",
     ("render/keys.py", "digest_of"): "hashes the text, and nobody reads it",
-    ("scenes/errors.py", "shown"): "shows a value in a message",
+    ("scenes/errors.py", "_written"): "shows a value in a message",
 }
 
 
