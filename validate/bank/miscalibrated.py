@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from pss import NoiseModel
+from pss.json_text import json_text
 from render import backend
 from render.view import random_stream
 from scenes import Scene, load_scene
@@ -97,8 +97,8 @@ def without_effect(scene: Scene) -> list[str]:
     """A line if a scene sets what this command has no use for: it judges the calibrated model within its own limits."""
     told = scene.resolved()
     noise, metric = told["noise"], told["metric"]
-    keys = [f"noise.models = {json.dumps(noise['models'])}"] if set(noise["models"]) != set(USUAL_MODELS) else []
-    keys += [f"noise.switched_off = {json.dumps(noise['switched_off'])}"] if noise["switched_off"] else []
+    keys = [f"noise.models = {json_text(noise['models'])}"] if set(noise["models"]) != set(USUAL_MODELS) else []
+    keys += [f"noise.switched_off = {json_text(noise['switched_off'])}"] if noise["switched_off"] else []
     keys += [f"noise.px2_per_m2 = {noise['px2_per_m2']:g}"] if noise["px2_per_m2"] != 1 else []
     keys += [f'metric.visibility = "{metric["visibility"]}"'] if metric["visibility"] != "point" else []
     if not keys:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pss import METRICS, Appearance, NoiseModel
+from pss.json_text import json_text
 from pss.legibility import TARGET_VISIBILITY, within_limits
 from pss.noise import CALIBRATION_FACTORS, Calibration
 from pss.views import Views
@@ -129,8 +129,8 @@ def check_models(scene: Scene, command: str, used: Collection[str]) -> None:
     models = list(scene.resolved()["noise"]["models"])
     needed = [name for name in used if name != "identity"]
     if not set(needed) <= set(models) <= set(used):
-        allowed = f"allowed with {command}, whose tables compare all of these: {json.dumps(needed)}, in any order"
-        raise SceneError([f"{scene.path}: noise.models = {json.dumps(models)}; {allowed}"])
+        allowed = f"allowed with {command}, whose tables compare all of these: {json_text(needed)}, in any order"
+        raise SceneError([f"{scene.path}: noise.models = {json_text(models)}; {allowed}"])
 
 
 def asked_pairs() -> list[tuple[str, str]]:

@@ -26,7 +26,7 @@ __all__ = [
     "verdicts",
 ]
 
-# The bound of the project's gate (README.md): an interval of ρ that lies above it is called a ranking that follows.
+# An interval of ρ that lies above this is called a ranking that follows.
 FOLLOWS_FROM = 0.6
 # The standing of a prediction of a measured curve that is flat.
 NOTHING_TO_FOLLOW = "has nothing to follow"
