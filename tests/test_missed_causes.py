@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from validate.check.estimated_light import estimated_appearance
 
 from pss.legibility import WholeTarget, blur_modules, narrow_side_px
+from render.estimated_light import estimated_appearance
 from scenes import load_scene
 from validate.assess import predict
 from validate.check.foreseen import LARGEST_BLUR_MODULES, SMALLEST_MODULE_PX
@@ -50,5 +50,7 @@ def test_causes_are_those_of_the_prediction(room, zoom, focus_m):
 def test_the_sentence_counts_what_is_shown():
     """One marker with two causes is counted with each; one without is named so."""
     words = in_words([(CUT,), (CUT, SMALL), ()])
-    assert words.startswith(f"Of the 3 shown that were never found: 2 {CUT}, 1 {SMALL}, 1 without such a cause.")
+    assert words.startswith(
+        f"Of the 3 shown that were never found: 2 {CUT}, 1 {SMALL}, 1 neither cut, covered, small nor blurred."
+    )
     assert in_words([]) == ""

@@ -9,6 +9,7 @@ capture is blurred a little and searched with wider windows. `benchmarks/marker_
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 
@@ -40,9 +41,12 @@ QUIET_SHARE = 0.029
 TYPICAL_PERCENTILE = 75
 # px (σ); more would merge the modules of small markers.
 NOISY_BLUR_PX = 0.45
-# From this noise of a capture as a share of its range only large markers can be found: a wider blur (px, σ) finds
-# those, and light and shade stay as they are.
-DARK_SHARE, DARK_BLUR_PX, DARK_RANGE_PERCENTILES = 0.18, 1.0, (0.5, 99.9)
+# From this noise of a capture as a share of its range (of means of four pixels, between these percentiles) on, large
+# markers are lost, and the capture is searched once more with a blur that finds those (px, σ), light and shade as they
+# are.
+DARK_SHARE, DARK_RANGE_PERCENTILES, DARK_BLUR_PX = 0.13, (0.5, 99.9), 1.0
+# A marker that both searches find has its corners within this; farther apart they are two things.
+SAME_MARKER_PX = 4.0
 # Noise is estimated in every so many rows.
 NOISE_ROWS = 16
 # The median of the absolute difference of two equal normal variables, over their σ.
@@ -88,7 +92,20 @@ def find_markers(capture_dn: NDArray[np.uint16], dictionary: str) -> Found:
 
     A number that is found at two places in one capture names at least one wrong place: both are left out.
     """
-    picture, quiet = _picture(capture_dn)
+    found: dict[int, Floats] = {}
+    twice: set[int] = set()
+    for picture, quiet in _pictures(capture_dn):
+        numbers, corners = _searched(picture, dictionary, quiet)
+        twice |= {number for number in numbers if numbers.count(number) > 1}
+        for number, quad in zip(numbers, corners, strict=True):
+            if np.abs(found.setdefault(number, quad) - quad).max() > SAME_MARKER_PX:
+                twice.add(number)
+    kept = [number for number in found if number not in twice]
+    return Found(np.array(kept, dtype=np.int64), np.array([found[n] for n in kept], dtype=float).reshape(-1, 4, 2))
+
+
+def _searched(picture: NDArray[np.uint8], dictionary: str, quiet: bool) -> tuple[list[int], Floats]:
+    """Numbers of K markers in a picture, and their corners, (K, 4, 2)."""
     rimmed = cv2.copyMakeBorder(picture, *[RIM_PX] * 4, borderType=cv2.BORDER_REPLICATE)
     quads, ids, _ = _detector(dictionary, max(rimmed.shape), quiet).detectMarkers(rimmed)
     numbers = np.array([] if ids is None else ids, dtype=np.int64).ravel()
@@ -97,37 +114,33 @@ def find_markers(capture_dn: NDArray[np.uint16], dictionary: str) -> Found:
     inside = ((corners >= 0) & (corners < picture.shape[::-1])).all(axis=(1, 2))
     narrowest_px = modules * (QUIET_NARROWEST_PX if quiet else NOISY_NARROWEST_PX)
     kept = inside & (_narrowest_px(corners) >= narrowest_px)
-    numbers, corners = numbers[kept], corners[kept]
-    _, place, times = np.unique(numbers, return_index=True, return_counts=True)
-    once = np.sort(place[times == 1])
-    return Found(numbers[once], corners[once])
+    return numbers[kept].tolist(), corners[kept]
 
 
-def _picture(capture_dn: NDArray[np.uint16]) -> tuple[NDArray[np.uint8], bool]:
-    """The 8-bit picture to search, and whether its noise is small."""
+def _pictures(capture_dn: NDArray[np.uint16]) -> Iterator[tuple[NDArray[np.uint8], bool]]:
+    """The 8-bit picture to search, and whether its noise is small; of a dark capture another one."""
     lit = capture_dn.astype(np.float32)
     height, width = lit.shape
     halved = cv2.resize(lit, (max(width // 2, 1), max(height // 2, 1)), interpolation=cv2.INTER_AREA)
     # The darkest four pixels: a share of the image would take all of a few small markers on white for light.
     dark = halved.min()
-    lit -= dark
+    lit, halved = lit - dark, halved - dark
     photon_dn, dark_noise_dn, noise_dn = _noise(lit)
-    white = _neighbourhood_white(halved - dark, (width, height))
-    white = np.maximum(white, DARKEST_SIGMAS * dark_noise_dn)
-    typical = float(np.percentile(white, TYPICAL_PERCENTILE))
-    quiet = photon_dn <= QUIET_SHARE**2 * typical
-    if not quiet:
-        soft = cv2.GaussianBlur(lit, (0, 0), DARK_BLUR_PX)
-        lowest, highest = np.percentile(soft[::4, ::4], DARK_RANGE_PERCENTILES)
-        if noise_dn > DARK_SHARE * (highest - lowest):
-            soft = np.maximum(soft - np.float32(lowest), 0)
-            return cv2.convertScaleAbs(soft, alpha=255 / max(highest - lowest, 1.0)), False
-        lit = cv2.GaussianBlur(lit, (0, 0), NOISY_BLUR_PX)
+    white = np.maximum(_neighbourhood_white(halved, (width, height)), DARKEST_SIGMAS * dark_noise_dn)
+    quiet = bool(photon_dn <= QUIET_SHARE**2 * np.percentile(white, TYPICAL_PERCENTILE))
+    blurred = lit if quiet else cv2.GaussianBlur(lit, (0, 0), NOISY_BLUR_PX)
     # Where the noise of white is the share of it that counts as noisy.
     noisy_dn = photon_dn / NOISY_SHARE**2
     scale = (WHITE_LEVEL / np.maximum(white, white * (noisy_dn / white) ** SHADE_POWER)).astype(np.float32)
-    scaled = cv2.multiply(lit, cv2.resize(scale, (width, height), interpolation=cv2.INTER_LINEAR))
-    return cv2.convertScaleAbs(np.maximum(scaled, 0, out=scaled)), bool(quiet)
+    scaled = cv2.multiply(blurred, cv2.resize(scale, (width, height), interpolation=cv2.INTER_LINEAR))
+    yield cv2.convertScaleAbs(np.maximum(scaled, 0, out=scaled)), quiet
+
+    lowest, highest = np.percentile(halved[::4, ::4], DARK_RANGE_PERCENTILES)
+    if noise_dn > DARK_SHARE * (highest - lowest):
+        soft = cv2.GaussianBlur(lit, (0, 0), DARK_BLUR_PX)
+        lowest, highest = np.percentile(soft[::8, ::8], DARK_RANGE_PERCENTILES)
+        soft = np.maximum(soft - np.float32(lowest), 0)
+        yield cv2.convertScaleAbs(soft, alpha=255 / max(highest - lowest, 1.0)), False
 
 
 def _noise(lit: Image) -> tuple[float, float, float]:

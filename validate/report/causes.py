@@ -62,7 +62,7 @@ def in_words(shown: Iterable[tuple[str, ...]]) -> str:
     parts = [f"{counts[cause]} {cause}" for cause in CAUSES if counts[cause]]
     none = sum(not found for found in every)
     if none:
-        parts.append(f"{none} without such a cause")
+        parts.append(f"{none} neither cut, covered, small nor blurred")
     return (
         f"Of the {len(every)} shown that were never found: {', '.join(parts)}. “Small” is under {SMALLEST_MODULE_PX:g} "
         f"px a module, “blurred” over {LARGEST_BLUR_MODULES:g} modules; several may hold for one marker."
