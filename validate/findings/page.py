@@ -30,6 +30,12 @@ over all points of all configurations. Noise models: `physical` is the marker's 
 `as-printed` and `corrected` are the paper's Eqs. 11–15 with our constants; `identity` is R = I. All of these take a
 marker as seen if its centre is, as the paper does; "whole markers" asks for all of it, and `calibrated` has R and
 limits of detection fitted on other views.
+
+The tables of the banks, the factors, the calibration errors and the hallway were measured with an earlier search for
+markers and an earlier registration. The present search finds more of them (on the same captures of the room 5 % more
+than OpenCV's stock parameters, of the hallway half as many again: `benchmarks/README.md`), so that what is said below
+about markers that are missed, and every number that they enter, will change when these tables are made again. The
+section on the sweeps is of the present ones.
 """
 LIGHT = """## In more and in less light
 
