@@ -20,8 +20,10 @@ class Emission:
         self.scene, self.mi = scene, mi
         self.parts = {shape.id(): (mi.ShapePtr(shape), _Part(shape, mi)) for shape in scene.shapes()}
 
-    def radiance(self, ray: Any, ring: Any | None = None) -> Any:
-        """W/(m² sr) that comes back along each ray; nothing where none is hit, or a back.
+    def radiance(self, ray: Any, lost: Any, ring: Any | None = None) -> Any:
+        """W/(m² sr) that comes back along each ray; `lost` where none is hit, or a back.
+
+        In a closed room such a ray has slipped through the seam of two triangles: one in a million does.
 
         Args:
             ring: from the places and normals of hits to W/m² for each W/m² that the scene was baked at.
@@ -35,9 +37,9 @@ class Emission:
             here = hit.is_valid() & (hit.shape == pointer)
             found = dr.select(here, part.radiance(hit.prim_index, hit.prim_uv, here), found)
             normal = dr.select(here, dr.gather(mi.Normal3f, part.normals, hit.prim_index, here), normal)
-        found = dr.select(dr.dot(normal, ray.d) < 0, found, 0)
-        # Where nothing is hit there is no place to be lit.
-        return found if ring is None else dr.select(found > 0, found * ring(ray(hit.t), normal), 0)
+        if ring is not None:
+            found = found * ring(ray(hit.t), normal)
+        return dr.select(dr.dot(normal, ray.d) < 0, found, lost)
 
 
 class _Part:

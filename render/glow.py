@@ -134,6 +134,9 @@ def load_scene(meshes: GlowMeshes, mi: Any) -> Any:
     """Mitsuba's scene of `meshes`: the shape "surfaces", and "plates" if there are markers."""
     shapes: dict[str, Any] = {
         "type": "scene",
+        # Rays that slip through seams of triangles are traced anew where many are traced at once (`render.sampling`, a
+        # fifth less time than this); one by one they are not.
+        "embree_use_robust_intersections": mi.variant().startswith("scalar"),
         "integrator": {"type": "path", "max_depth": 1},
         "surfaces": _mesh(
             mi,

@@ -201,7 +201,12 @@ def pixel_means(
     def gather(values: NDArray[np.uint32], where: Any) -> Any:
         return dr.gather(mi.UInt32, mi.UInt32(values), where)
 
-    def trace(pixels: NDArray[np.uint32], count: int, shifts: NDArray[np.uint32]) -> tuple[Floats32, Floats32]:
+    # Data, not constants: the same code for either.
+    not_a_number, black = (dr.opaque(mi.Float, value) for value in (np.nan, 0.0))
+
+    def trace(
+        pixels: NDArray[np.uint32], count: int, shifts: NDArray[np.uint32], lost: Any
+    ) -> tuple[Floats32, Floats32]:
         index = dr.arange(mi.UInt32, len(pixels) * count)
         pixel, sample = index // count, index % count
         number = gather(pixels, pixel)
@@ -218,7 +223,7 @@ def pixel_means(
             at, through = place.film(x, y, u[0], u[1]), place.aperture(through)
             film = mi.Point2f(at.x / width, at.y / height)
         ray, _ = sensor.sample_ray(0.0, 0.5, film, through)
-        radiance = emission.radiance(ray, lit_by_ring if ring is not None else None)
+        radiance = emission.radiance(ray, lost, lit_by_ring if ring is not None else None)
         total = dr.block_sum(radiance, count)
         total_of_squares = dr.block_sum(radiance * radiance, count)
         mean = total / count
@@ -227,10 +232,21 @@ def pixel_means(
         return mean.numpy(), variance.numpy()
 
     def sampler(pixels: NDArray[np.uint32], count: int, rng: np.random.Generator) -> tuple[Floats32, Floats32]:
+        mean, variance = traced(pixels, count, rng, not_a_number)
+        # Samples that slipped through a seam are no light: their pixels are drawn anew. Lost again it is black, the
+        # back of an open surface or the void.
+        again = np.isnan(mean)
+        if again.any():
+            mean[again], variance[again] = traced(pixels[again], count, rng, black)
+        return mean, variance
+
+    def traced(
+        pixels: NDArray[np.uint32], count: int, rng: np.random.Generator, lost: Any
+    ) -> tuple[Floats32, Floats32]:
         shifts = rng.integers(0, 2**32, size=(4, len(pixels)), dtype=np.uint32)
         step = max(1, RAYS_AT_ONCE // count)
         parts = [
-            trace(pixels[start : start + step], count, shifts[:, start : start + step])
+            trace(pixels[start : start + step], count, shifts[:, start : start + step], lost)
             for start in range(0, len(pixels), step)
         ]
         means, variances = zip(*parts, strict=True)
