@@ -37,7 +37,11 @@ FEWEST_PIXELS = 60
 # Steps until the last one moved the centre by less than this many of its σ: the error left is smaller by another factor
 # of five, so that 1 % is added to the variance (benchmarks/README.md).
 CONVERGED_SIGMAS = 0.5
-MOST_STEPS = 6
+# And until it changed the blur by less than so many of its σ: the centre may stand still where the blur is far off, but
+# the residuals are those of another marker.
+SETTLED_SIGMAS = 3.0
+# Two to four are usual. Sharp markers of 40 px a module and more begin too far off for their edges' slope at times.
+MOST_STEPS = 12
 # The ideal image is drawn anew where the fit's blur is further from it than this share; within, its derivative serves.
 # Sharp edges have no such share: with the blur of a lens in focus they change by no straight line.
 SAME_BLUR_SHARE = 0.1
@@ -116,13 +120,15 @@ def register(
             return Refusal.LOST
         if image is None or abs(fit.blur_px2 - image.blur_px2) > SAME_BLUR_SHARE * image.blur_px2:
             image = MarkerImage(dictionary, marker_id, cv2.invert(local_scale(fit.homography))[1], fit.blur_px2)
+        before_px2 = fit.blur_px2
         linearised = Linearised(pixels, fit, image, sensor)
         if linearised.covariance is None or not linearised.fit.gain_dn > 0:
             return Refusal.LOST
         fit, chi2, move = linearised.step()
         if not _near(fit, start):
             return Refusal.LOST
-        if move < CONVERGED_SIGMAS and number > 0:
+        settled = abs(fit.blur_px2 - before_px2) < SETTLED_SIGMAS * np.sqrt(linearised.covariance[-1, -1])
+        if move < CONVERGED_SIGMAS and settled and number > 0:
             break
     chance = CHANCE_SIGMAS * np.sqrt(2 / linearised.dof)
     largest = 1 + LARGEST_EXCESS + chance + MODEL_SHARE**2 * linearised.contrast2
