@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import inspect
 import itertools
+import re
 from pathlib import Path
 
 import pytest
 
 from pss import RangeError
+from tests.test_architecture import PACKAGES, modules
 from tests.test_side_by_side import a_run
 from validate.command_line import COMMANDS
 from validate.file_names import (
@@ -90,7 +92,7 @@ def test_the_store_is_no_folder_for_results(tmp_path, capsys):
 
 
 def test_every_folder_that_commands_fill_by_themselves_is_reserved():
-    """Of every command's default of --out."""
+    """Of every command's default of --out, and wherever else a folder of results/ has a fixed name."""
     import importlib
 
     for module in COMMANDS.values():
@@ -98,6 +100,10 @@ def test_every_folder_that_commands_fill_by_themselves_is_reserved():
         default = inspect.signature(run).parameters.get("out") if run else None
         if default is not None and isinstance(default.default, Path) and default.default.parts[:1] == ("results",):
             assert default.default.parts[1] in RESERVED
+    named = r'"results(?:/|"\) / ")([a-z][a-z-]+)"'
+    found = {name for path in modules(*PACKAGES) for name in re.findall(named, path.read_text(encoding="utf-8"))}
+    assert found >= {"measure", "compare", "check", "remote-stores", "store"}
+    assert found <= {*RESERVED}
     for name in ("results/zoom", "results/mine"):
         check_default_folder(["zoom"], Path(name))
 

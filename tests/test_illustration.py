@@ -85,11 +85,15 @@ def test_boxes_are_drawn(result):
     assert (pictures[1] - pictures[0]).min() > VISIBLE_LEVELS
 
 
-@pytest.mark.parametrize("azimuth_deg", [62.0, 150.0, 242.0, 330.0])
-def test_a_marker_is_seen_where_the_eye_has_a_line_of_sight(azimuth_deg):
+# From the lower eyes a dozen markers that face them are behind objects.
+@pytest.mark.parametrize(
+    ("elevation_deg", "azimuth_deg"),
+    [(38.0, 62.0), (38.0, 150.0), (38.0, 242.0), (38.0, 330.0), (15.0, 62.0), (15.0, 285.0)],
+)
+def test_a_marker_is_seen_where_the_eye_has_a_line_of_sight(elevation_deg, azimuth_deg):
     """Its middle has its own colour exactly if no object is before it: by the shapes' own test of lines of sight."""
     state = load_scene("scenes/room.toml").state
-    eye = Eye(state.room, 38.0, azimuth_deg)
+    eye = Eye(state.room, elevation_deg, azimuth_deg)
     own = np.zeros((len(state.markers), 4))
     own[:, 0], own[:, 1], own[:, 3] = 1.0, np.arange(len(own)) / len(own), 1.0
     axes = drawn_state(state, eye, own)
@@ -150,6 +154,8 @@ def test_the_best_and_the_worst_step_are_shown(figure, result):
     assert shown_steps(result) == {0: "worst measured", 2: "best measured"}
     titles = [axes.get_title().partition(chr(10))[0] for axes in figure.axes[:2]]
     assert titles == ["worst measured: zoom=1", "best measured: zoom=2"]
+    middle = predicted_result("zoom", measured=(3.0, 4.0, 1.0, 2.0))
+    assert shown_steps(middle) == {1: "best measured", 2: "worst measured"}
     nothing = predicted_result("zoom", measured=(0.0, 0.0))
     assert sorted(shown_steps(nothing).values()) == ["best predicted", "worst predicted"]
     flat = predicted_result("zoom", measured=(1.0, 1.1, 1.05))

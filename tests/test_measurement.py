@@ -9,6 +9,7 @@ import re
 import warnings
 from types import SimpleNamespace
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from rich.console import Console
@@ -16,11 +17,13 @@ from rich.console import Console
 from scenes import SceneError, load_scene
 from scenes.measurement import SEED, TRIALS, measurement_of
 from tests.made_up_run import PIXEL_NOISE_PX, made_up_run
+from tests.predicted_result import predicted_result
 from tests.test_report import Page
 from tests.test_sweep_run import SCENE, SELECTION, SWEEP
 from validate import measure_command
+from validate.intervals import interval
 from validate.measurement import is_measurement, measurement_rows
-from validate.measurement_figure import measurement_figure
+from validate.measurement_figure import draw_errors, measurement_figure
 from validate.report.command import of_results
 from validate.report.data import read_sweeps
 from validate.report.measured import marker_rows, measured_in_words
@@ -65,7 +68,7 @@ def test_a_sweep_of_one_value_prints_no_rank_and_no_claims(made):
 
 
 def test_ratios_are_those_of_the_tables(made):
-    """Ratio and NEES by another way: from configurations and points."""
+    """Ratio and NEES by another way: from configurations and points; measured and predicted of the same resamples."""
     rows = measurement_rows(made.results[0])
     assert [(row["noise_model"], row["kind"]) for row in rows] == [
         (model, kind) for model in ("as-printed", "corrected") for kind in ("single frame", "filter")
@@ -80,6 +83,12 @@ def test_ratios_are_those_of_the_tables(made):
             mean = (nees[known] * counts[known]).sum() / counts[known].sum() / 3
             assert row["nees_over_3"] == pytest.approx(mean, rel=1e-9)
             assert row["nees_over_3_ci_low"] < mean < row["nees_over_3_ci_high"]
+        else:
+            sigma, found = predicted.sigma_m, assessment.measured.inverse_filter_sigma
+            weights = made.results[0].replicates[row["noise_model"]].point_weights
+            expected = np.nan_to_num(1 / sigma)
+            resampled = [np.average(found, weights=w) / np.average(expected, weights=w) for w in weights]
+            assert [row["ratio_ci_low"], row["ratio_ci_high"]] == pytest.approx(interval(np.array(resampled)), rel=1e-9)
         assert row["ratio_ci_low"] < row["ratio"] < row["ratio_ci_high"]
     assert measurement_rows(made.results[1]) == []
 
@@ -148,6 +157,27 @@ def test_the_figure_has_every_marker(made):
     drawn = next(line for line in axes.lines if line.get_label() == "measured RMS").get_ydata()
     expected = made.results[0].assessments[0].measured.errors.rms_m * 1000
     np.testing.assert_allclose(np.sort(drawn), np.sort(expected))
+
+
+def test_each_error_stands_at_its_own_marker():
+    """In a room of several objects, by which the markers are ordered and not as in the scene's file."""
+    result = predicted_result("zoom", measured=(2.0,), every=8)
+    (step,), (assessment,) = result.configurations, result.assessments
+    markers = step.scene.state.markers
+    rms_m = {marker.id: (1 + number) / 1000 for number, marker in enumerate(markers)}
+    assessment.measured.errors.rms_m = np.array(list(rms_m.values()))
+    predicted = assessment.predicted[result.noise_models[0]].single_frame_rms_m
+    of_ids = {marker.id: 1000 * value for marker, value in zip(markers, predicted, strict=True)}
+    axes = plt.figure().add_subplot()
+    draw_errors(axes, result)
+    ids = [int(label.get_text()) for label in axes.get_xticklabels()]
+    plt.close("all")
+    assert sorted(ids) == sorted(rms_m)
+    assert ids != list(rms_m)
+    lines = {line.get_label(): line.get_ydata() for line in axes.lines}
+    np.testing.assert_allclose(lines["measured RMS"], [1000 * rms_m[each] for each in ids])
+    drawn = lines[f"predicted √tr C, {result.noise_models[0]}"]
+    np.testing.assert_allclose(drawn, [of_ids[each] for each in ids])
 
 
 # ---- the command -----------------------------------------------------------------------------------------------------

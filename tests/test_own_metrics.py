@@ -117,7 +117,10 @@ def test_check_shows_it(installed, tmp_path, capsys):
         assert row["metric_median-mm"] == median_sigma_mm(seen.evaluations[row["noise_model"]])
     assert "metric broken has no number (ZeroDivisionError: of mine)" in warnings_of(seen)
     check("bench", out=tmp_path / "plan.svg")
-    assert "median-mm" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "median-mm" in printed
+    for evaluation in seen.evaluations.values():
+        assert f" {median_sigma_mm(evaluation):.4g} " in printed
 
 
 def test_the_best_step_by_a_metric_follows_its_direction():

@@ -186,10 +186,24 @@ def a_folder(path: Path) -> None:
     path.mkdir()
 
 
+@pytest.fixture
+def limited_memory():
+    """Of 2 GiB more than now: who reads an endless device fails here, and takes no other process with it."""
+    resource = pytest.importorskip("resource")
+    status = Path("/proc/self/statm")
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    if status.exists():
+        now = int(status.read_text().split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (now + 2**31, before[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_AS, before)
+
+
 ODD = pytest.mark.parametrize("odd", [a_pipe, a_link_to_a_device, a_folder])
 
 
 @ODD
+@pytest.mark.usefixtures("limited_memory")
 def test_what_is_no_plain_file_is_set_aside_and_never_waited_for(task, tmp_path, caplog, odd):
     """As a measurement, as a view and as light."""
     store = Store(tmp_path)
@@ -207,6 +221,7 @@ def test_what_is_no_plain_file_is_set_aside_and_never_waited_for(task, tmp_path,
 
 
 @ODD
+@pytest.mark.usefixtures("limited_memory")
 def test_a_sum_that_is_no_plain_file_proves_nothing(task, tmp_path, odd):
     """With its file, and alone: then the file is written all the same."""
     store = Store(tmp_path)
@@ -223,6 +238,7 @@ def test_a_sum_that_is_no_plain_file_proves_nothing(task, tmp_path, odd):
 
 
 @ODD
+@pytest.mark.usefixtures("limited_memory")
 def test_verify_sets_aside_what_is_no_plain_file(task, tmp_path, capsys, odd):
     store = Store(tmp_path)
     task.path.parent.mkdir(parents=True)
