@@ -8,6 +8,7 @@ from multiprocessing import get_context
 
 import pytest
 
+from tests.test_side_by_side import a_run
 from validate import folder_lock
 from validate.folder_lock import IN_USE, alone_in
 from validate.run_messages import RunMessages
@@ -85,6 +86,8 @@ def test_a_run_that_is_refused_leaves_nothing(held):
         ["pixel-noise", "--out", "OUT", "--store", "STORE"],
         ["figures", "1", "--out", "OUT", "--store", "STORE"],
         ["report", "OUT"],
+        ["measure", "room", "--out", "OUT", "--store", "STORE"],
+        ["compare", "RUN/one", "RUN/two", "--out", "OUT/compare.html"],
     ],
     ids=lambda arguments: arguments[0],
 )
@@ -94,9 +97,19 @@ def test_every_command_that_writes_into_a_folder_is_refused(tmp_path, capsys, mo
         monkeypatch.setattr(steering, lambda *_: ())
     for slow in ("training_views", "design_of", "real_walk_of"):
         monkeypatch.setattr(f"validate.hallway.command.{slow}", lambda *_: ())
+    if arguments[0] == "compare":
+        a_run(tmp_path / "one"), a_run(tmp_path / "two")
+    places = {
+        "OUT": tmp_path / "out",
+        "STORE": tmp_path / "s",
+        "RUN/one": tmp_path / "one",
+        "RUN/two": tmp_path / "two",
+    }
     with alone_in(tmp_path / "out"):
         before = sorted((tmp_path / "out").iterdir())
-        words = [word.replace("OUT", str(tmp_path / "out")).replace("STORE", str(tmp_path / "s")) for word in arguments]
+        words = arguments
+        for short, place in places.items():
+            words = [word.replace(short, str(place)) for word in words]
         assert main(words) == 2
         assert sorted((tmp_path / "out").iterdir()) == before
     line = capsys.readouterr().err.strip().splitlines()[-1]
