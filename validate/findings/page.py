@@ -32,10 +32,10 @@ marker as seen if its centre is, as the paper does; "whole markers" asks for all
 limits of detection fitted on other views.
 
 The tables of the banks, the factors, the calibration errors and the hallway were measured with an earlier search for
-markers and an earlier registration. The present search finds more of them (on the same captures of the room 5 % more
-than OpenCV's stock parameters, of the hallway half as many again: `benchmarks/README.md`), so that what is said below
-about markers that are missed, and every number that they enter, will change when these tables are made again. The
-section on the sweeps is of the present ones.
+markers and an earlier registration. The present search finds more of them (of those predicted visible in the room's
+zoom sweep 83 % in place of 73 %; `benchmarks/README.md` has other scenes), so that what is reported below of markers
+that are missed, and every number that they enter, will change when these tables are made again. The section on the
+sweeps is of the present ones.
 """
 LIGHT = """## In more and in less light
 
