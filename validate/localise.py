@@ -32,6 +32,8 @@ MARGIN_MODULES, SMALLEST_MARGIN_MODULES = 0.75, 0.25
 PIXEL_REACH_PX = 0.71
 # The first step from the coarse registration is taken on a part of the pixels, about so many a module each way.
 FIRST_PX_PER_MODULE = 5.0
+# One in 37: of fewer, too few would lie on the sharp edges of a large marker, and all of one direction on one line.
+MOST_THINNING = 6
 # Enough for the parameters many times over; a marker that was decoded has ten times as many.
 FEWEST_PIXELS = 60
 # Steps until the last one moved the centre by less than this many of its σ: the error left is smaller by another factor
@@ -109,7 +111,7 @@ def register(
     if fit is None or not _near(fit, start):
         return Refusal.LOST
 
-    thinning = round(_px_per_module(start) / FIRST_PX_PER_MODULE)
+    thinning = min(round(_px_per_module(start) / FIRST_PX_PER_MODULE), MOST_THINNING)
     image: MarkerImage | None = None
     pixels: Pixels | None = None
     move = np.inf
