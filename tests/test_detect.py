@@ -64,6 +64,23 @@ def test_all_that_stock_parameters_find_is_found_and_more(white_e):
     assert stock > len(POSES_DEG)
 
 
+@pytest.mark.parametrize(("white_e", "lamp"), [(25.0, 2.0), (40.0, 1.5), (55.0, 1.5)])
+def test_no_fewer_than_by_stock_parameters_are_found_where_noise_is_near_the_contrast(white_e, lamp):
+    """Markers as dim as at a short exposure, beside a stripe that is `lamp` times as bright as their white."""
+    rng = np.random.default_rng(4)
+    found = stock = 0
+    for drawing in pictures(60.0, POSES_DEG, 0.5, rng, PICTURE_PX):
+        light = drawing.light.copy()
+        light[:, :24] = lamp
+        numbers = _capture(light, white_e, rng)
+        result = find_markers(numbers, DICTIONARY)
+        _check_places(result, drawing)
+        found += len(result.ids)
+        stock += len(_stock(numbers) & set(drawing.ids.tolist()))
+    assert found >= stock
+    assert stock >= len(POSES_DEG) / 2
+
+
 @pytest.mark.parametrize(("white_e", "least"), [(100.0, LEAST_AT_EDGES), (1000.0, 1.0), (9000.0, 1.0)])
 def test_whole_markers_are_found_at_any_distance_from_the_edge(white_e, least):
     """Plates on a dark surround, 0 to 20 px from each of the image's edges."""
