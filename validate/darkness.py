@@ -42,9 +42,9 @@ def brightest_in_view(views: Views, sensor: ImageSensor) -> list[tuple[float, fl
 
 def white_irradiance(views: Views, state: SceneState) -> Floats:
     """W/m², of the light on each marker as each camera's light makes it, (C, N): π L over the white's albedo."""
-    look = _appearance(views)
-    radiance = np.broadcast_to(np.asarray(look.white_w_per_m2_sr, dtype=float), views.depth_m.shape)
-    if look.ring_light:  # the radiances are those at 1 m, face to face
+    appearance = _appearance(views)
+    radiance = np.broadcast_to(np.asarray(appearance.white_w_per_m2_sr, dtype=float), views.depth_m.shape)
+    if appearance.ring_light:  # the radiances are those at 1 m, face to face
         with np.errstate(invalid="ignore", divide="ignore"):
             radiance = radiance * np.maximum(views.cos_incidence, 0) / views.range_m**2
     return np.asarray(np.pi * radiance / state.print.white_albedo)

@@ -32,8 +32,8 @@ def check_arrays(arrays: Mapping[str, NDArray[np.generic]], shapes: Mapping[str,
             allowed in (None, length) for allowed, length in zip(shape, array.shape, strict=True)
         )
         if not fits or array.dtype.kind not in "fiu":
-            said = ", ".join("any" if length is None else str(length) for length in shape)
-            raise ValueError(f"{name} is {array.dtype} of shape {array.shape}; allowed: numbers of shape ({said})")
+            sizes = ", ".join("any" if length is None else str(length) for length in shape)
+            raise ValueError(f"{name} is {array.dtype} of shape {array.shape}; allowed: numbers of shape ({sizes})")
 
 
 def read_arrays(path: Path) -> Arrays:

@@ -57,9 +57,9 @@ def _of_light(seen: Foreseen, number: int) -> list[str]:
     irradiance = float(seen.irradiance_w_per_m2[number, best])
     if bright > 1:
         light = light_words(irradiance, sensor.wavelength_nm)
-        said = f"camera {camera.name}: the white of its brightest marker is {bright:,.1f} times the saturation; "
-        said += f"light on it {light}, exposure {sensor.exposure_ms:g} ms; "
-        return [said + 'a shorter sensor.exposure_ms, a larger f_number, or exposure_ms = "auto" helps']
+        line = f"camera {camera.name}: the white of its brightest marker is {bright:,.1f} times the saturation; "
+        line += f"light on it {light}, exposure {sensor.exposure_ms:g} ms; "
+        return [line + 'a shorter sensor.exposure_ms, a larger f_number, or exposure_ms = "auto" helps']
     if contrast < LEAST_CONTRAST_OVER_NOISE:
         return ["too dark: " + dark_words(float(seen.white_e[number, best]), contrast, irradiance, camera, sensor)]
     return []
