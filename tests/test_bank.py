@@ -15,7 +15,7 @@ from scenes import load_scene
 from tests.conftest import ROOM_FILE
 from validate import run_sweep
 from validate.bank.consistency import anisotropy, crossed_mean, of_errors, sandwich
-from validate.bank.design import BankDesign, draw_configurations, held_out_views, training_views
+from validate.bank.design import BankDesign, detection_views, draw_configurations, held_out_views, training_views
 from validate.bank.measured import BankData, measure_all
 from validate.bank.phase import LARGEST_TURN_PX, carried_back, joined, turned
 from validate.bank.predicted import Contender, GivenCovariance, PredictionTask, predict_all
@@ -99,6 +99,23 @@ def test_training_and_held_out_views_share_nothing(room):
         assert 0 < z < 3
         assert design.zoom[0] <= camera.zoom <= design.zoom[1]
     assert len(held_out.wanted) == 21 * design.turns
+
+
+def test_detection_views_are_of_the_training_cameras_at_any_zoom_and_focus(room):
+    """At the same places, with no render in common; in each part of the ranges of zoom and focus as many views."""
+    design = BankDesign()
+    training, views = training_views(room, design, "r"), detection_views(room, design, "r")
+    assert {c.position_m for c in training.cameras} == {c.position_m for c in views.cameras}
+    assert len(views.views) == len(views.wanted) == design.training_cameras * design.detection_settings
+    assert not {i.request.key for i in training.wanted} & {i.request.key for i in views.wanted}
+    assert [i.request.camera for i in views.wanted] == list(views.cameras)
+    middle = room.state.points_m.mean(axis=0)
+    for number, (low, high) in enumerate((design.detection_zoom, design.detection_focus)):
+        values = [(c.zoom, c.focus_distance_m / np.linalg.norm(middle - c.position_m))[number] for c in views.cameras]
+        edges = np.geomspace(low, high, design.detection_settings + 1)
+        assert np.histogram(values, edges)[0].tolist() == [design.training_cameras] * design.detection_settings
+    short = load_scene(ROOM_FILE, ("lens.max_zoom=2.0", *(f"cameras.{number}.zoom=1" for number in range(1, 8))))
+    assert max(camera.zoom for camera in detection_views(short, design, "r").cameras) == 2
 
 
 def test_a_bank_of_cameras_that_cannot_zoom_has_one_zoom():

@@ -21,7 +21,7 @@ from scenes import Scene, load_scene
 from scenes.sweep_file import SWEEPS
 from validate.acquire import Acquired
 from validate.bank.ceilings import oracle_rows, parts_rows
-from validate.bank.design import BankDesign, ViewBank, held_out_views, training_views
+from validate.bank.design import BankDesign, ViewBank, detection_views, held_out_views, training_views
 from validate.bank.levels import blunder_row, consistency_rows, detection_rows, pixel_rows
 from validate.bank.prepare import acquire_banks, calibrate, enough
 from validate.bank.sensitivity import sensitivity_rows
@@ -117,7 +117,8 @@ def run(
         if not dry_run:
             return _judge_all(banks, design, configurations, out, store, chosen, messages, scale)
         counts = [
-            f"{bank.scene.path.stem}, {bank.role}: {len(bank.views)} views of {design.turns} renders" for bank in banks
+            f"{bank.scene.path.stem}, {bank.role}: {len(bank.views)} views in {len(bank.wanted)} renders"
+            for bank in banks
         ]
         counts.append(f"{configurations} configurations of each of {', '.join(map(str, COUNTS))} cameras")
         wanted = [item for bank in banks for item in bank.wanted]
@@ -133,13 +134,13 @@ def _banks(
     design: BankDesign,
     chosen: backend.Backend,
 ) -> list[ViewBank]:
-    """The training bank, the one to be judged and, if there is another room, that of the second."""
+    """The training bank, that for detection, the one to be judged and, if there is another room, that of the second."""
     first = load_scene(scene or SWEEPS.parent / "room.toml", overrides, allow_outside=allow_outside)
     _check_cameras(first)
     training = training_views(first, design, chosen.identity)
     held_out = held_out_views(first, design, chosen.identity)
     second_path = second_scene or SWEEPS.parent / SECOND_SCENE
-    banks = [training, held_out]
+    banks = [training, detection_views(first, design, chosen.identity), held_out]
     if second_path.exists():
         other_scene = load_scene(second_path, allow_outside=allow_outside)
         _check_cameras(other_scene)
@@ -172,7 +173,7 @@ def _judge_all(
     messages.start(out, "bank", store=store)
     acquired, banks = acquire_banks(wanted, opened, chosen, messages, scale)
     after_views = time.perf_counter()
-    (training, held_out), others = banks[:2], banks[2:]
+    (training, _, held_out), others = banks[:3], banks[3:]
     renders, views = (sum(counts) for counts in zip(*((len(b.wanted), len(b.views)) for b in banks), strict=True))
     tables: dict[str, list[Row]] = {}
     predicted_with: dict[str, object] = {}

@@ -1,7 +1,8 @@
-"""Which views a bank has: cameras at random zoom, focus, pan and tilt, in two sets that share no place and no setting.
+"""Which views a bank has: cameras at random zoom, focus, pan and tilt, in sets that share no setting.
 
 The training set is for calibration: its cameras stand elsewhere along the walls. The held-out set has the scene's own
-cameras, and configurations are drawn from it. Nothing here looks at an image.
+cameras, and configurations are drawn from it. A third set, of the training cameras at any zoom and focus, shows where
+markers cease to be found. Nothing here looks at an image.
 """
 
 from __future__ import annotations
@@ -24,7 +25,15 @@ from validate.bank.phase import joined, turned
 from validate.errors3d import FEWEST_TRIALS
 from validate.measure import ViewMeasurement
 
-__all__ = ["BankDesign", "BankView", "ViewBank", "draw_configurations", "held_out_views", "training_views"]
+__all__ = [
+    "BankDesign",
+    "BankView",
+    "ViewBank",
+    "detection_views",
+    "draw_configurations",
+    "held_out_views",
+    "training_views",
+]
 
 Floats = NDArray[np.float64]
 
@@ -51,6 +60,9 @@ class BankDesign:
         zoom: smallest and largest; log-uniform.
         focus_spread: σ of the logarithm of focus distance over the distance to the middle of the points.
         aim_share: largest pan and tilt off the middle of the points, in shares of the field of view.
+        detection_settings: further views of each training camera, of one render each, for the probability of detection.
+        detection_zoom: their smallest and largest zoom.
+        detection_focus: their nearest and farthest focus, in distances to the middle of the points.
         noise_ratio: bound on the sampling noise (`render.sampling.Sampling`).
         seed: of settings, captures and draws.
     """
@@ -62,15 +74,18 @@ class BankDesign:
     zoom: tuple[float, float] = (1.5, 6.0)
     focus_spread: float = 0.35
     aim_share: float = 0.2
+    detection_settings: int = 6
+    detection_zoom: tuple[float, float] = (1.0, 8.0)
+    detection_focus: tuple[float, float] = (0.25, 4.0)
     noise_ratio: float = 0.6
     seed: int = 1
 
     def __post_init__(self) -> None:
         if self.trials < FEWEST_TRIALS:
             raise RangeError(f"--trials {self.trials}; allowed: {FEWEST_TRIALS} or more (one has no spread)")
-        for name in ("settings", "turns"):
+        for name in ("settings", "turns", "detection_settings"):
             if getattr(self, name) < 1:
-                raise RangeError(f"--{name} {getattr(self, name)}; allowed: 1 or more")
+                raise RangeError(f"--{name.replace('_', '-')} {getattr(self, name)}; allowed: 1 or more")
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +137,33 @@ def held_out_views(scene: Scene, design: BankDesign, renderer: str) -> ViewBank:
 
 def training_views(scene: Scene, design: BankDesign, renderer: str) -> ViewBank:
     """Cameras at other places along the walls, each at `design.settings` settings."""
+    return _bank(scene, _training_cameras(scene, design), design, renderer, "training")
+
+
+def detection_views(scene: Scene, design: BankDesign, renderer: str) -> ViewBank:
+    """The training cameras at any zoom and focus, for the probability of detection alone; one render a view.
+
+    Zoom and focus are spread evenly: of each camera's views, one lies in each equal part of either's logarithmic range.
+    """
+    sampling, count = Sampling(noise_ratio=design.noise_ratio), design.detection_settings
+    middle, views = scene.state.points_m.mean(axis=0), []
+    for camera in _training_cameras(scene, design):
+        rng = random_stream(design.seed, f"{scene.path.name}/{camera.name}", "detection")
+        zooms, focuses = (_spread(ends, count, rng) for ends in (design.detection_zoom, design.detection_focus))
+        for zoom, focus in zip(zooms, focuses, strict=True):
+            setting = _aimed(camera, middle, min(zoom, camera.max_zoom), focus, design, rng)
+            views.append(BankView(setting, views_of(scene, [setting], sampling, renderer, design.seed, design.trials)))
+    return ViewBank(scene, tuple(views), "detection")
+
+
+def _spread(ends: tuple[float, float], count: int, rng: np.random.Generator) -> list[float]:
+    """`count` numbers between two, one in each equal part of the logarithmic range, in random order."""
+    low, high = np.log(ends)
+    shares = (rng.permutation(count) + rng.uniform(size=count)) / count
+    return [float(value) for value in np.exp(low + (high - low) * shares)]
+
+
+def _training_cameras(scene: Scene, design: BankDesign) -> list[PTZCamera]:
     room, rng = scene.state.room, random_stream(design.seed, scene.path.name, "training places")
     model, cameras = scene.cameras[0], []
     for number in range(design.training_cameras):
@@ -130,7 +172,7 @@ def training_views(scene: Scene, design: BankDesign, renderer: str) -> ViewBank:
         x, y = _on_walls(along, room.width_m - 2 * FROM_WALL_M, room.length_m - 2 * FROM_WALL_M)
         height = room.height_m * rng.uniform(*HEIGHTS)
         cameras.append(dataclasses.replace(model, position_m=(x, y, height), name=f"training {number + 1}"))
-    return _bank(scene, cameras, design, renderer, "training")
+    return cameras
 
 
 def _on_walls(along: float, width: float, length: float) -> tuple[float, float]:
@@ -167,9 +209,16 @@ def _setting(camera: PTZCamera, middle_m: Floats, design: BankDesign, rng: np.ra
     low, high = (min(zoom, camera.max_zoom) for zoom in design.zoom)
     # Of a logarithm and back, an end of the range may come out beyond it.
     zoom = min(max(math.exp(rng.uniform(math.log(low), math.log(high))), low), high)
+    return _aimed(camera, middle_m, zoom, math.exp(design.focus_spread * rng.standard_normal()), design, rng)
+
+
+def _aimed(
+    camera: PTZCamera, middle_m: Floats, zoom: float, focus_share: float, design: BankDesign, rng: np.random.Generator
+) -> PTZCamera:
+    """The camera at a zoom, focused at `focus_share` of the distance to the middle, which it looks past at random."""
     distance = float(np.linalg.norm(middle_m - camera.position_m))
     nearest = NEAREST_FOCUS * dataclasses.replace(camera, zoom=zoom).image_distance_m
-    focus = max(distance * math.exp(design.focus_spread * rng.standard_normal()), nearest)
+    focus = max(distance * focus_share, nearest)
     zoomed = dataclasses.replace(camera, zoom=zoom, focus_distance_m=focus)
     middle_pan_deg, middle_tilt_deg = zoomed.direction_to(middle_m)
     pan, tilt = design.aim_share * zoomed.horizontal_fov_deg * rng.uniform(-1, 1, size=2)
