@@ -52,7 +52,7 @@ def test_factors_and_scale_of_the_file_count():
         assert [factor.name for factor in found[model].noise.factors] == ["distance-incidence", "resolution"]
         assert found[model].noise.factors[0].px2_per_m2 == 4.0
     plain = contenders(load("room"))
-    for model in ("physical", "identity", "calibrated"):
+    for model in ("physical", "identity", "calibrated, limits"):
         assert repr(found[model].noise) == repr(plain[model].noise)
     by_name = {each.name: each.noise for _, each in variants(scene, VISIBILITY_TESTS)}
     assert by_name["corrected, px2_per_m2 × 10"].factors[0].px2_per_m2 == 40.0
@@ -64,7 +64,7 @@ def test_visibility_of_the_file_counts():
     found, plain = contenders(load("room", 'metric.visibility="target"')), contenders(load("room"))
     for name in (*FREE_MODELS, "calibrated R"):
         assert found[name].visibility == TARGET_VISIBILITY
-    for name in ("physical, whole markers", "calibrated"):
+    for name in ("physical, whole markers", "calibrated, limits"):
         assert found[name].visibility == plain[name].visibility
     told = judged(found.values())
     assert told["as-printed"]["visibility"] == [test.name for test in TARGET_VISIBILITY]

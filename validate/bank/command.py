@@ -64,7 +64,7 @@ HEADLINE = 4
 # Ranks of two are always in one order or the other.
 FEWEST_CONFIGURATIONS = 3
 # Noise models whose parts are exchanged for what was measured.
-PARTS_OF = ("as-printed", "corrected", "physical", "calibrated")
+PARTS_OF = ("as-printed", "corrected", "identity", "physical", "calibrated")
 
 
 def run(

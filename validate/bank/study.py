@@ -25,7 +25,12 @@ from validate.calibrate import Fitted, factor_covariances, fit_best_form, pixel_
 from validate.calibrate_limits import FittedLimits, fit_limits
 
 __all__ = [
+    "CALIBRATED_LIMITS",
+    "CALIBRATED_R",
     "FREE_MODELS",
+    "FULL_MODEL",
+    "PHYSICAL_WHOLE",
+    "SCALED_MODELS",
     "appearance_of",
     "asked_pairs",
     "calibrated",
@@ -45,10 +50,16 @@ Row = dict[str, object]
 
 # Models that need no measurement.
 FREE_MODELS = ("as-printed", "corrected", "physical", "identity")
+# Of these, the ones whose unit is open: each is judged as it is, and times one scalar fitted on the training views.
+SCALED_MODELS = ("as-printed", "corrected", "identity")
 # Under the models beside the one that all metrics are asked under.
 ALWAYS = ("pss", "pss-single-frame", "d-optimality-count-zero", "e-optimality-count-zero")
-# R and limits of detection, both fitted on the training views.
+# R and limits of detection, both fitted on the training views; all metrics are judged under it.
+CALIBRATED_LIMITS = "calibrated, limits"
+# The fitted R with all that was fitted of detection.
 FULL_MODEL = "calibrated"
+# What is judged under the full model: the metrics that expected counts define.
+OF_FULL_MODEL = ("pss", "pss-single-frame", "visibility-count", "visible-share")
 # The fitted R alone, and the one that fits nothing with whole markers in place of their centres.
 CALIBRATED_R, PHYSICAL_WHOLE = "calibrated R", "physical, whole markers"
 
@@ -102,6 +113,7 @@ def scene_contenders(scene: Scene, calibration: Calibration) -> list[Contender]:
         *(Contender(name, models[name], scene.visibility) for name in FREE_MODELS),
         Contender(PHYSICAL_WHOLE, models["physical"], visible["whole markers"]),
         Contender(CALIBRATED_R, models[calibration.name], scene.visibility),
+        Contender(CALIBRATED_LIMITS, models[calibration.name], visible["fitted limits"]),
         Contender(FULL_MODEL, models[calibration.name], visible["fitted limits"]),
     ]
 
@@ -134,8 +146,9 @@ def check_models(scene: Scene, command: str, used: Collection[str]) -> None:
 
 
 def asked_pairs() -> list[tuple[str, str]]:
-    """Pairs of contender and metric: everything under the calibrated one, what R decides under the others too."""
-    pairs = [(FULL_MODEL, name) for name in METRICS]
+    """Pairs of contender and metric: everything under the fitted limits, what R decides under the others too."""
+    pairs = [(CALIBRATED_LIMITS, name) for name in METRICS]
+    pairs += [(FULL_MODEL, name) for name in OF_FULL_MODEL]
     pairs += [(name, metric) for name in (*FREE_MODELS, PHYSICAL_WHOLE, CALIBRATED_R) for metric in ALWAYS]
     return pairs + [("physical", "visibility-count"), (PHYSICAL_WHOLE, "visibility-count")]
 
