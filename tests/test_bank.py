@@ -200,10 +200,12 @@ def test_the_right_covariance_ranks_and_is_consistent(room, small):
         {"true": ("visible-share", "visibility-count"), "identity": ("visible-share",)},
     )  # fmt: skip
     chosen = draw_configurations([c.name for c in bank.cameras], 4, 60, np.random.default_rng(7))
-    verdict = CountVerdict(4, chosen, measure_all(data, chosen.tolist(), processes=1), predict_all(task, chosen, 1))
+    names = [c.name for c in bank.cameras]
+    measured = measure_all(data, chosen.tolist(), processes=1)
+    verdict = CountVerdict(4, chosen, measured, predict_all(task, chosen, 1), names)
     pairs = [(model, name) for model in ("true", "identity") for name in ("pss", "pss-single-frame")]
     pairs += [("true", "visible-share"), ("true", "visibility-count")]
-    rows = leaderboard(verdict, pairs, np.random.default_rng(8), resamples=60)
+    rows = leaderboard(verdict, pairs)
     rho = {(row["noise_model"], row["metric"]): row for row in rows if row["yardstick"] == "measured_pss_single_frame"}
     best = rho["true", "pss-single-frame"]
     assert best["spearman"] > 0.97
@@ -214,7 +216,7 @@ def test_the_right_covariance_ranks_and_is_consistent(room, small):
     assert best["regret_of_20_median"] <= rho["identity", "pss-single-frame"]["regret_of_20_median"]
     errors = np.array([found.errors.errors_m for found in verdict.measured])
     covariance = np.array([found["true"].covariance_m2 for found in verdict.predicted])
-    chance = Resamples.drawn(chosen, len(data.points_m), np.random.default_rng(9), 50)
+    chance = Resamples.of_configurations(chosen, len(data.points_m), names)
     row = of_errors(errors, covariance).row(chance)
     assert row["nees_per_dof"] == pytest.approx(1, abs=0.05)
     assert row["coverage_90"] == pytest.approx(0.9, abs=0.02)
@@ -242,7 +244,7 @@ def test_spearman_and_its_partial():
     rng = np.random.default_rng(10)
     z = rng.standard_normal(400)
     x, y = z + rng.standard_normal(400), z + rng.standard_normal(400)
-    chance = Resamples.drawn(rng.integers(30, size=(400, 3)), 5, rng, 40)
+    chance = Resamples.of_configurations(rng.integers(30, size=(400, 3)), 5)
     xy, xz, yz = (judge_against(a, b, chance) for a, b in ((x, y), (x, z), (y, z)))
     assert xy.estimate == pytest.approx(scipy.stats.spearmanr(x, y).statistic)
     ranks = [scipy.stats.rankdata(v) for v in (x, y, z)]
@@ -259,7 +261,7 @@ def test_means_over_points_are_resampled_with_their_points():
     """A metric given by its terms follows the points' weights; the yardstick does so too, and they agree."""
     rng = np.random.default_rng(11)
     terms = rng.uniform(size=(50, 8))
-    chance = Resamples.drawn(rng.integers(20, size=(50, 2)), 8, rng, 30)
+    chance = Resamples.of_configurations(rng.integers(20, size=(50, 2)), 8)
     judged = judge_against(terms, terms, chance)
     assert judged.estimate == pytest.approx(1)
     np.testing.assert_allclose(judged.samples, 1)
@@ -267,7 +269,7 @@ def test_means_over_points_are_resampled_with_their_points():
 
 def test_undefined_statistics_have_no_interval():
     """A constant metric has no ρ and no interval."""
-    chance = Resamples.drawn(np.arange(20)[:, None], 4, np.random.default_rng(12), 10)
+    chance = Resamples.of_configurations(np.arange(20)[:, None], 4)
     judged = judge_against(np.ones(20), np.arange(20.0), chance)
     assert np.isnan(judged.estimate)
     assert np.isnan(judged.interval).all()
@@ -305,7 +307,7 @@ def test_nees_and_coverage_of_gaussian_errors():
     found = of_errors(errors, covariance)
     assert np.isnan(found.nees[2, 7])
     assert np.isfinite(found.nees).sum() == 99
-    chance = Resamples.drawn(np.arange(4)[:, None], 25, rng, 20)
+    chance = Resamples.of_configurations(np.arange(4)[:, None], 25)
     assert crossed_mean(found.nees, chance).estimate == pytest.approx(1, abs=NEES)
     for level, inside in found.inside.items():
         assert crossed_mean(inside, chance).estimate == pytest.approx(level, abs=COVERAGE)

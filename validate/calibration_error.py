@@ -47,7 +47,6 @@ Row = dict[str, object]
 
 # pan, tilt, relative focal length, x, y, z.
 ERRORS = 6
-RESAMPLES = 200
 
 
 @dataclass(frozen=True)
@@ -214,8 +213,7 @@ def study(
     """
     chosen = np.asarray(configurations)
     plain = predict(model)
-    rng = random_stream(data.seed, "calibration error", "resamples")
-    chance = Resamples.drawn(chosen, len(data.points_m), rng, RESAMPLES)
+    chance = Resamples.of_configurations(chosen, len(data.points_m), [camera.name for camera in data.cameras])
     rows: list[Row] = []
     for size in sizes:
         measured = [found.errors for found in measure_all(displaced(data, size), chosen.tolist(), processes=processes)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -11,15 +12,14 @@ from pss import NoiseModel
 from pss.covariances import root_trace
 from pss.views import Views
 from pss.visibility import VisibilityTest
-from render.view import random_stream
 from validate.acquire import Acquired
 from validate.bank.consistency import of_errors, pooled_spearman, root_trace_of
 from validate.bank.design import ViewBank
 from validate.bank.measured import BankData, residual_moments
 from validate.bank.predicted import Contender, GivenCovariance, GivenVisibility
-from validate.bank.ranking import Judged, Resamples, judge_against, with_interval
+from validate.bank.ranking import Judged, judge_against, with_interval
 from validate.bank.study import appearance_of, predictions
-from validate.bank.verdict import RESAMPLES, CountVerdict, single_frame_terms
+from validate.bank.verdict import CountVerdict, single_frame_terms
 
 __all__ = ["oracle_rows", "parts_rows"]
 
@@ -31,14 +31,13 @@ FOUND_SHARE = 0.5
 KNOWN = "known"
 
 
-def oracle_rows(bank: ViewBank, data: BankData, verdict: CountVerdict, rng: np.random.Generator) -> list[Row]:
+def oracle_rows(bank: ViewBank, data: BankData, verdict: CountVerdict) -> list[Row]:
     """What a perfect R could reach: moments of the pixel errors on one half of the trials, judged on the other half.
 
     Beside it the split-half reliability: the ranks of the measured PSS of the one half against the other's.
     """
-    state = bank.scene.state
     halves = [data.residuals()[:, first::2] for first in (0, 1)]
-    chance = Resamples.drawn(verdict.configurations, len(state.points_m), rng, RESAMPLES)
+    chance = verdict.chance
     measured = [[found.errors.halves()[half] for found in verdict.measured] for half in (0, 1)]
     terms = [np.array([errors.inverse_sigma for errors in half]) for half in measured]
     rms = [np.array([errors.rms_m for errors in half]) for half in measured]
@@ -51,7 +50,7 @@ def oracle_rows(bank: ViewBank, data: BankData, verdict: CountVerdict, rng: np.r
         for half, residuals in enumerate(halves)
     )
     predicted = predictions(bank, contenders, verdict.configurations, None)
-    oracle = CountVerdict(verdict.cameras, verdict.configurations, verdict.measured, predicted)
+    oracle = dataclasses.replace(verdict, predicted=predicted)
     for contender, other in zip(contenders, (1, 0), strict=True):
         found.append(judge_against(oracle.terms(contender.name, "pss-single-frame"), terms[other], chance))
         expected = np.array([root_trace(p[contender.name].covariance_m2) for p in predicted])
@@ -89,8 +88,7 @@ def parts_rows(
     parts.append((NoiseModel("measured pixel errors", (moments,)), KNOWN, found))
     contenders = tuple(Contender(f"{model.name}, {kind}", model, tests) for model, kind, tests in parts)
     found_by_all = predictions(bank, contenders, verdict.configurations, views.appearance)
-    rng = random_stream(data.seed, bank.scene.path.name, f"parts of {verdict.cameras}")
-    chance = Resamples.drawn(verdict.configurations, len(state.points_m), rng, RESAMPLES)
+    chance = verdict.chance
     errors = np.array([f.errors.errors_m for f in verdict.measured])
     rms = np.array([f.errors.rms_m for f in verdict.measured])
     terms = np.array([f.errors.inverse_sigma for f in verdict.measured])

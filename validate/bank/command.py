@@ -16,7 +16,6 @@ from pss import RangeError
 from pss.json_text import json_text
 from pss.noise import Calibration
 from render import backend
-from render.view import random_stream
 from scenes import Scene, load_scene
 from scenes.sweep_file import SWEEPS
 from validate.acquire import Acquired
@@ -232,10 +231,9 @@ def judge(
     rows["consistency"] += pixel_rows(bank, data, acquired, models)
     for count in counts:
         tell(f"{bank.scene.path.stem}: judging {configurations} configurations of {count} cameras")
-        rng = random_stream(seed, bank.scene.path.name, f"verdict of {count}")
         verdict = verdict_of(bank, data, acquired, contenders, count, configurations, seed, filtered=count == HEADLINE)
-        rows["leaderboard"] += leaderboard(verdict, asked_pairs(), rng)
-        rows["ceiling"] += oracle_rows(bank, data, verdict, rng)
+        rows["leaderboard"] += leaderboard(verdict, asked_pairs())
+        rows["ceiling"] += oracle_rows(bank, data, verdict)
         rows["blunders"].append(blunder_row(verdict))
         rows["consistency"] += consistency_rows(verdict, bank, data, contenders, acquired)
         if count == HEADLINE:

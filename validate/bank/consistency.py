@@ -102,14 +102,14 @@ def crossed_mean(values: Floats, resamples: Resamples) -> Judged:
     weight = np.einsum("bk,kn,bn->b", resamples.views, known.astype(float), resamples.points, optimize=True)
     estimate = float(filled.sum() / known.sum()) if known.any() else float("nan")
     with np.errstate(invalid="ignore"):
-        return Judged(estimate, total / weight)
+        return resamples.judged(estimate, total / weight)
 
 
 def pooled_spearman(predicted: Floats, measured: Floats, resamples: Resamples) -> Judged:
     """ρ over all cells (K, N) that have both, pooled; its interval from the first `POOLED` resamples."""
     known = np.isfinite(predicted) & np.isfinite(measured)
     if known.sum() < 3:
-        return Judged(float("nan"), np.full(POOLED, np.nan))
+        return resamples.judged(float("nan"), np.full(POOLED, np.nan))
     row, column = np.nonzero(known)
     x, y = tie_groups(predicted[known]), tie_groups(measured[known])
     samples = np.array(
@@ -118,7 +118,7 @@ def pooled_spearman(predicted: Floats, measured: Floats, resamples: Resamples) -
             for views, points in zip(resamples.views[:POOLED], resamples.points[:POOLED], strict=True)
         ]
     )
-    return Judged(spearman_of_groups(x, y, np.ones(len(x))), samples, 1.0)
+    return resamples.judged(spearman_of_groups(x, y, np.ones(len(x))), samples, 1.0)
 
 
 def anisotropy(moment: Floats, covariance: Floats, trials: NDArray[np.int64]) -> dict[str, float]:

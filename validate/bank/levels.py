@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from pss import NoiseModel
 from pss.views import Views
 from pss.visibility import VisibilityTest, visible_in
-from render.view import random_stream
 from validate.acquire import Acquired
 from validate.bank.consistency import anisotropy, of_errors, of_moments, pooled_spearman, root_trace_of, sandwich
 from validate.bank.design import ViewBank
@@ -18,7 +17,7 @@ from validate.bank.measured import BankData, residual_moments
 from validate.bank.predicted import Contender, Predicted
 from validate.bank.ranking import Resamples, with_interval
 from validate.bank.study import appearance_of
-from validate.bank.verdict import RESAMPLES, CountVerdict
+from validate.bank.verdict import CountVerdict
 
 __all__ = ["blunder_row", "consistency_rows", "detection_rows", "pixel_rows"]
 
@@ -31,8 +30,8 @@ def pixel_rows(bank: ViewBank, data: BankData, acquired: Acquired, models: Seque
     state = bank.scene.state
     residuals = data.residuals()
     views = Views(list(bank.cameras), state.points_m, state.normals, appearance_of(bank.scene, acquired))
-    rng = random_stream(data.seed, bank.scene.path.name, "pixel level")
-    chance = Resamples.drawn(np.arange(len(bank.cameras))[:, None], len(state.points_m), rng, RESAMPLES)
+    names = [camera.name for camera in bank.cameras]
+    chance = Resamples.of_configurations(np.arange(len(names))[:, None], len(state.points_m), names)
     trials = np.isfinite(residuals[..., 0]).sum(axis=1)
     rows = []
     for model in models:
@@ -67,8 +66,7 @@ def consistency_rows(
     verdict: CountVerdict, bank: ViewBank, data: BankData, contenders: Sequence[Contender], acquired: Acquired
 ) -> list[Row]:
     """Single frame, and the filter where it was run, of each contender over the configurations of one camera count."""
-    rng = random_stream(data.seed, bank.scene.path.name, f"consistency of {verdict.cameras}")
-    chance = Resamples.drawn(verdict.configurations, len(data.points_m), rng, RESAMPLES)
+    chance = verdict.chance
     errors = np.array([found.errors.errors_m for found in verdict.measured])
     moment = np.array([found.errors.second_moment_m2 for found in verdict.measured])
     trials = np.array([found.errors.detections for found in verdict.measured])

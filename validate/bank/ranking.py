@@ -18,6 +18,8 @@ __all__ = ["Judged", "Ranked", "Resamples", "judge_against", "partial", "regrets
 
 Floats = NDArray[np.float64]
 
+RESAMPLES = 200
+
 
 @dataclass(frozen=True, eq=False)
 class Resamples:
@@ -27,13 +29,29 @@ class Resamples:
     points: Floats
 
     @classmethod
-    def drawn(cls, views: ArrayLike, points: int, rng: np.random.Generator, count: int) -> Resamples:
-        """`count` resamples for configurations `views` (K, c) and so many points."""
-        names, index = np.unique(np.asarray(views), return_inverse=True)
-        index = index.reshape(len(np.asarray(views)), -1)
+    def of_configurations(cls, views: ArrayLike, points: int, cameras: Sequence[str] | None = None) -> Resamples:
+        """Resamples for configurations `views` (K, c), indices of views, and so many points.
+
+        Args:
+            views: (K, c), of each configuration the views it is made of.
+            points: N.
+            cameras: the camera of each view, (V,), whose views share what is peculiar to it; None: a view shares
+                nothing with another.
+        """
+        rng, count = np.random.default_rng(0), RESAMPLES
+        chosen = np.asarray(views)
+        names, index = np.unique(chosen, return_inverse=True)
         shape = CROSSED_SPREAD**-2
         of_views = rng.gamma(shape, 1 / shape, size=(count, len(names)))
-        return cls(of_views[:, index].prod(axis=-1), rng.gamma(shape, 1 / shape, size=(count, points)))
+        if cameras is not None:
+            _, camera = np.unique(np.asarray(cameras)[names], return_inverse=True)
+            of_views *= rng.gamma(shape, 1 / shape, size=(count, camera.max() + 1))[:, camera]
+        of_points = rng.gamma(shape, 1 / shape, size=(count, points))
+        return cls(of_views[:, index.reshape(chosen.shape)].prod(axis=-1), of_points)
+
+    def judged(self, estimate: float, samples: Floats, bound: float = np.inf) -> Judged:
+        """A statistic, and itself on each of these resamples (B,)."""
+        return Judged(estimate, samples, bound)
 
     def of(self, values: Floats) -> Floats:
         """The yardstick or metric on each resample, (B, K): a mean over points (K, N), or a number as it is (K,)."""

@@ -8,15 +8,14 @@ import numpy as np
 
 from pss import noise_model
 from pss.visibility import VisibilityTest
-from render.view import random_stream
 from scenes import Scene
 from validate.acquire import Acquired
 from validate.bank.design import ViewBank
 from validate.bank.measured import BankData
 from validate.bank.predicted import Contender
-from validate.bank.ranking import Resamples, judge_against, with_interval
+from validate.bank.ranking import judge_against, with_interval
 from validate.bank.study import appearance_of, predictions
-from validate.bank.verdict import RESAMPLES, CountVerdict, single_frame_terms
+from validate.bank.verdict import CountVerdict, single_frame_terms
 
 __all__ = ["sensitivity_rows", "variants"]
 
@@ -56,8 +55,7 @@ def sensitivity_rows(
     contenders = [contender for _, contender in named]
     appearance = appearance_of(bank.scene, acquired)
     found_by_all = predictions(bank, contenders, verdict.configurations, appearance)
-    rng = random_stream(data.seed, bank.scene.path.name, f"sensitivity of {verdict.cameras}")
-    chance = Resamples.drawn(verdict.configurations, len(data.points_m), rng, RESAMPLES)
+    chance = verdict.chance
     measured = np.array([found.errors.inverse_sigma for found in verdict.measured])
     return [
         {

@@ -195,4 +195,5 @@ def verdict_of(
     for name, metric in asked_pairs():
         needs[name] += (metric,)
     predicted = predictions(bank, contenders, configurations, appearance_of(bank.scene, acquired), needs, filtered)
-    return CountVerdict(cameras, configurations, measure_all(data, configurations.tolist(), filtered), predicted)
+    measured = measure_all(data, configurations.tolist(), filtered)
+    return CountVerdict(cameras, configurations, measured, predicted, names)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,6 @@ __all__ = ["CountVerdict", "Yardstick", "leaderboard", "yardsticks"]
 Floats = NDArray[np.float64]
 Row = dict[str, object]
 
-RESAMPLES = 200
 UNDER_M = 0.005
 CHOICES = (5, 20, 100)
 TOP_SHARE = 0.1
@@ -48,12 +48,19 @@ class Yardstick:
 
 @dataclass(frozen=True, eq=False)
 class CountVerdict:
-    """Configurations of one camera count, as drawn, measured and predicted."""
+    """Configurations of one camera count, as drawn, measured and predicted; `camera_names` of each view of the bank."""
 
     cameras: int
     configurations: NDArray[np.int64]
     measured: Sequence[ConfigurationErrors]
     predicted: Sequence[Mapping[str, Predicted]]
+    camera_names: Sequence[str]
+
+    @cached_property
+    def chance(self) -> Resamples:
+        """Resamples of cameras, views and points, the same for all that is judged on these configurations."""
+        points = len(self.measured[0].errors.detections)
+        return Resamples.of_configurations(self.configurations, points, self.camera_names)
 
     def terms(self, model: str, metric: str) -> Floats:
         """The metric under a noise model: its terms (K, N) if it is a mean over points, else its values (K,)."""
@@ -108,13 +115,10 @@ def yardsticks(measured: Sequence[ConfigurationErrors]) -> list[Yardstick]:
     return found
 
 
-def leaderboard(
-    verdict: CountVerdict, asked: Sequence[tuple[str, str]], rng: np.random.Generator, resamples: int = RESAMPLES
-) -> list[Row]:
+def leaderboard(verdict: CountVerdict, asked: Sequence[tuple[str, str]]) -> list[Row]:
     """A row for each metric under a noise model (`asked` pairs of model and metric) and each yardstick."""
     rows: list[Row] = []
-    points = len(verdict.measured[0].errors.detections)
-    chance = Resamples.drawn(verdict.configurations, points, rng, resamples)
+    chance = verdict.chance
     visible = Ranked.of(verdict.terms(asked[0][0], "visible-share"), chance)
     numbers, ranked = {}, {}
     for model, metric in asked:
@@ -151,12 +155,12 @@ def leaderboard(
             for baseline in BASELINES:
                 other = judged_by.get((model, baseline)) or judged_by[asked[0][0], baseline]
                 row |= with_interval(f"minus_{baseline.replace('-', '_')}", judged.minus(other))
-            row |= _choosing(number, yardstick, rng)
+            row |= _choosing(number, yardstick)
             rows.append(row)
     return rows
 
 
-def _choosing(number: Floats, yardstick: Yardstick, rng: np.random.Generator) -> Row:
+def _choosing(number: Floats, yardstick: Yardstick) -> Row:
     """Regret of choosing one of 5, 20 and 100, the oracle's, and hits among the best tenth."""
     row: Row = {}
     for size in CHOICES:

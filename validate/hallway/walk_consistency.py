@@ -32,8 +32,6 @@ BLOCK_FRAMES = 10
 # Views that updated a cell's frame: 0 for all cells, and 2 for those in which the depth was measured as well. A track
 # that one view alone keeps alive drifts along its ray, and a few of these make up the mean of all squares.
 LEAST_VIEWS = (0, 2)
-# Resamples of means: enough for an interval's ends within a tenth of its length.
-RESAMPLES = 400
 
 
 def consistency(
@@ -89,7 +87,7 @@ def consistency(
     masks = group_masks(groups, markers)
     # A frame's trials are rows of their own in what follows, all in the block of their frame.
     block = np.repeat(np.arange(frames) // block_frames, trials)
-    resamples = Resamples.drawn(block[:, None], markers, rng, RESAMPLES)
+    resamples = Resamples.of_configurations(block[:, None], markers)
 
     lost_before = np.concatenate([np.zeros((1, trials, markers), dtype=bool), tracks.lost[:-1]])
     kinds = (
