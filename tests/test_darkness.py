@@ -124,7 +124,7 @@ def test_check_promises_nothing_in_the_dark(tmp_path, capsys):
 
 def test_check_has_nothing_against_the_shipped_scenes():
     """Every marker that their cameras see is well above the limit."""
-    for name in ("room", "atrium", "workshop"):
+    for name in ("room", "atrium", "studio", "workshop"):
         seen = foresee(load_scene(ROOT / "scenes" / f"{name}.toml"))
         assert seen.contrast[seen.legible].min() > 1.5 * LEAST_CONTRAST_OVER_NOISE
         assert not seen.too_dark.any()

@@ -30,7 +30,7 @@ def contenders(scene):
     return {each.name: each for each in scene_contenders(scene, CALIBRATION)}
 
 
-@pytest.mark.parametrize("name", ["room", "atrium", "hallway"])
+@pytest.mark.parametrize("name", ["room", "atrium", "studio", "hallway"])
 def test_the_shipped_scenes_are_judged_as_ever(name):
     """R with the sensor's own dark noise and nothing else, and the paper's visibility."""
     scene = load(name)
