@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -16,11 +18,15 @@ from validate.calibrate import (
     factor_covariances,
     fit,
     fit_best_form,
+    fit_scale,
+    model_covariance,
     pixel_moments,
 )
 
 # 2000 moments of 20 trials fix a weight that matters to about 2 %; five times that.
 FOUND = 0.1
+# How far the search over weights stops from the minimum, relative: its gradient is 1e-6.
+SEARCHED = 1e-5
 SENSOR = ImageSensor()
 CAMERAS = (
     PTZCamera((0.0, -3.0, 2.5), 0, -15, zoom=3, focus_distance_m=2.0, name="a"),
@@ -111,6 +117,43 @@ def test_blunders_are_left_out_and_counted(all_cells):
     assert found.weights["brightness-contrast"] == pytest.approx(1, rel=FOUND)
 
 
+def test_a_scale_is_found_again_and_is_the_likeliest(world, all_cells):
+    """Data of 1e-5 of the paper's R: the scale comes back, from the closed form as from the search over weights."""
+    points, normals, look = world
+    empty, _ = all_cells
+    model = noise_model("as-printed")
+    covariance = model_covariance(model, Views(list(CAMERAS), points, normals, look), empty)
+    for index in (0, 999, 1500):
+        alone = model.covariance(CAMERAS[index // 1000], points[[index % 1000]], normals[[index % 1000]])
+        np.testing.assert_allclose(covariance[index], alone[0], rtol=1e-12)
+    # Some markers are found more often than others, and count as much more.
+    trials = np.where(np.arange(2000) % 3, 20, 7)
+    moments = dataclasses.replace(moments_of(1e-5 * covariance, empty, 23), trials=trials)
+    scale = fit_scale(covariance, moments)
+    assert scale == pytest.approx(1e-5, rel=FOUND)
+    by_search = fit(["whole R"], covariance[None], moments)
+    assert by_search.left_out == 0
+    assert scale == pytest.approx(by_search.weights["whole R"], rel=SEARCHED)
+    # A model that is wrong in its form keeps all moments: none is a blunder because the model does not explain it.
+    wrong = covariance.copy()
+    wrong[:20] /= 100
+    ratio = np.trace(np.linalg.solve(wrong, moments.moment_px2), axis1=1, axis2=2) / 2
+    assert fit_scale(wrong, moments) == pytest.approx((trials * ratio).sum() / trials.sum(), rel=1e-12)
+    assert fit(["whole R"], wrong[None], moments).left_out == 20
+
+
+def test_a_scale_needs_moments_and_a_whole_model(all_cells):
+    """None at all, and an R that is zero somewhere."""
+    empty, covariances = all_cells
+    nothing = np.zeros(len(empty.trials), dtype=bool)
+    with pytest.raises(RangeError, match="no moments of pixel errors"):
+        fit_scale(covariances[0][nothing], empty[nothing])
+    hole = covariances[0].copy()
+    hole[3] = 0
+    with pytest.raises(RangeError, match="not positive definite"):
+        fit_scale(hole, empty)
+
+
 def test_moments_of_residuals():
     """About zero, of what was detected; markers that were found too rarely have none."""
     rng = np.random.default_rng(22)
@@ -130,7 +173,8 @@ def test_a_file_gives_the_same_model(tmp_path, world):
     """Written, and read by its path: the same covariances, with the scene's own sensor; provenance comes back."""
     points, normals, look = world
     weights = {"brightness-contrast": 1.1, "floor": 3.3e-5, "relative-defocus": 0.0, "module-size": 1e-3}
-    calibration = Calibration("mine", weights, {"scene": 'a "room"', "views": 60, "deviance": -9.25})
+    scales = {"as-printed": 1.5e-5, "corrected": 8e-6, "identity": 0.002}
+    calibration = Calibration("mine", weights, {"scene": 'a "room"', "views": 60, "deviance": -9.25}, scales=scales)
     path = tmp_path / "mine.toml"
     path.write_text(calibration.to_toml())
     assert Calibration.from_file(path) == calibration
@@ -157,7 +201,12 @@ def test_a_file_gives_the_same_model(tmp_path, world):
         ("[weights]\nfloor = true", "weights.floor = True; allowed: 0 or more"),
         ("[weights]\nbloor = 1.0", "weights.bloor; allowed: brightness-contrast, floor"),
         ("[weights]\nfloor = 0.0", "all weights are 0"),
-        ("[weights]\nfloor = 1.0\n[fit]\n", "'fit'; allowed: name, weights, limits, provenance"),
+        ("[weights]\nfloor = 1.0\n[fit]\n", "'fit'; allowed: name, weights, limits, scales, provenance"),
+        ("[weights]\nfloor = 1.0\n[scales]\nidentity = 1.0", "allowed: none, or as-printed and corrected and identity"),
+        (
+            "[weights]\nfloor = 1.0\n[scales]\nas-printed = 1.0\ncorrected = 0.0\nidentity = 1.0",
+            "scales.corrected = 0.0; allowed: above 0, finite",
+        ),
         ("weights = [", "line 1, column 12: Invalid value"),
     ],
 )

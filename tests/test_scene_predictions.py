@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from pss import noise_model
@@ -14,11 +16,12 @@ from scenes import SceneError, load_scene
 from validate.bank.command import run as bank
 from validate.bank.miscalibrated import without_effect
 from validate.bank.sensitivity import variants
-from validate.bank.study import FREE_MODELS, check_models, judged, scene_contenders
+from validate.bank.study import FREE_MODELS, asked_pairs, check_models, judged, scene_contenders
 from validate.hallway.command import run as schedule
 
 ROOT = Path(__file__).parents[1]
 CALIBRATION = Calibration.from_file(ROOT / "results" / "reference" / "bank" / "calibrated.toml")
+ROUNDING = 1e-12
 PHYSICAL_ALONE = 'noise.models=["physical"]'
 
 
@@ -57,6 +60,24 @@ def test_factors_and_scale_of_the_file_count():
     by_name = {each.name: each.noise for _, each in variants(scene, VISIBILITY_TESTS)}
     assert by_name["corrected, px2_per_m2 × 10"].factors[0].px2_per_m2 == 40.0
     assert repr(by_name["corrected, px2_per_m2 × 1"].factors) == repr(scene.noise_model("corrected").factors)
+
+
+def test_scaled_models_are_the_scenes_own_times_one_number():
+    """Every entry of R, in the scene's own form and with its own visibility; without scales there are none."""
+    scales = {"as-printed": 1e-5, "corrected": 4e-6, "identity": 2e-3}
+    scene = load("atrium", "noise.px2_per_m2=4.0")
+    found = {each.name: each for each in scene_contenders(scene, dataclasses.replace(CALIBRATION, scales=scales))}
+    for name, scale in scales.items():
+        scaled, literal = found[f"{name}, scaled"], found[name]
+        where = scene.cameras[0], scene.state.points_m[:20], scene.state.normals[:20]
+        np.testing.assert_allclose(
+            scaled.noise.covariance(*where), scale * literal.noise.covariance(*where), rtol=ROUNDING
+        )
+        assert scaled.visibility == literal.visibility
+        assert (f"{name}, scaled", "pss") in asked_pairs(list(found.values()))
+    plain = [each.name for each in scene_contenders(scene, dataclasses.replace(CALIBRATION, scales={}))]
+    assert plain == [name for name in found if not name.endswith("scaled")]
+    assert {name for name, _ in asked_pairs(list(found.values()))} == set(found)
 
 
 def test_visibility_of_the_file_counts():

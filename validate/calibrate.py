@@ -3,6 +3,8 @@
 Each view and marker that was detected often enough gives a second moment of its pixel residuals over the trials. A
 model R = Σ w F with weights w ≥ 0 is fitted by the likelihood of those moments (Wishart). It need not have one minimum
 alone: the search is started from several weights, and the best is kept. The result is judged on other views.
+
+A model that is given but for its unit, s R, has one number to fit by the same likelihood (`fit_scale`).
 """
 
 from __future__ import annotations
@@ -14,11 +16,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from pss import Appearance, ImageSensor, PTZCamera, RangeError
+from pss import Appearance, ImageSensor, NoiseModel, PTZCamera, RangeError
 from pss.noise import CALIBRATION_FACTORS, calibration_factor
 from pss.views import Views
 
-__all__ = ["Fitted", "PixelMoments", "factor_covariances", "fit", "fit_best_form", "pixel_moments"]
+__all__ = [
+    "Fitted",
+    "PixelMoments",
+    "factor_covariances",
+    "fit",
+    "fit_best_form",
+    "fit_scale",
+    "model_covariance",
+    "pixel_moments",
+]
 
 Floats = NDArray[np.float64]
 
@@ -47,12 +58,24 @@ class PixelMoments:
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """Weights by factor, −2 log likelihood (up to a constant), and what it was fitted to."""
+    """Weights by factor, −2 log likelihood (up to a constant), and what it was fitted to.
+
+    `kept`: (M,), the moments that are no blunders.
+    """
 
     weights: Mapping[str, float]
     deviance: float
-    moments: int
-    left_out: int
+    kept: NDArray[np.bool_]
+
+    @property
+    def moments(self) -> int:
+        """How many it was fitted to."""
+        return int(self.kept.sum())
+
+    @property
+    def left_out(self) -> int:
+        """How many were left out as blunders."""
+        return int((~self.kept).sum())
 
 
 def pixel_moments(residuals: Floats) -> PixelMoments:
@@ -85,6 +108,28 @@ def factor_covariances(
     return np.array(found)
 
 
+def model_covariance(model: NoiseModel, views: Views, moments: PixelMoments) -> Floats:
+    """px², the R of a whole model at each of M moments in `views`, (M, 2, 2)."""
+    return model.of_views(views).matrix(len(views.cameras), len(views.points_m))[moments.view, moments.point]
+
+
+def fit_scale(covariance: Floats, moments: PixelMoments) -> float:
+    """The s with which s R is likeliest, for R = `covariance` (M, 2, 2) px²: the mean over all trials of tr(R⁻¹S)/2.
+
+    It is where the derivative of Σ n (log det sR + tr((sR)⁻¹S)) is zero. No moment is left out: what a model that is
+    wrong in its form cannot explain would be taken for a blunder. `moments` are those that a fit kept (`Fitted.kept`).
+
+    Raises:
+        RangeError: there is no moment, or an R that is not positive definite.
+    """
+    if not len(moments.trials):
+        raise RangeError("no moments of pixel errors to fit a scale to; allowed: at least one")
+    if not (np.isfinite(covariance).all() and (np.linalg.eigvalsh(covariance) > 0).all()):
+        raise RangeError("an R that is not positive definite where a marker was detected; allowed: positive definite")
+    ratio = np.trace(np.linalg.solve(covariance, moments.moment_px2), axis1=1, axis2=2) / 2
+    return float(np.average(ratio, weights=moments.trials))
+
+
 def fit(names: Sequence[str], covariances: Floats, moments: PixelMoments) -> Fitted:
     """Weights of the factors `names` with `covariances` (J, M, 2, 2) px²; blunders are left out once and counted."""
     if not len(moments.trials):
@@ -95,7 +140,7 @@ def fit(names: Sequence[str], covariances: Floats, moments: PixelMoments) -> Fit
     kept = ratio < BLUNDER_RATIO
     if not kept.all():
         weights, deviance = _minimum(covariances[:, kept], moments[kept])
-    return Fitted(dict(zip(names, weights.tolist(), strict=True)), deviance, int(kept.sum()), int((~kept).sum()))
+    return Fitted(dict(zip(names, weights.tolist(), strict=True)), deviance, kept)
 
 
 def fit_best_form(names: Sequence[str], covariances: Floats, moments: PixelMoments) -> Fitted:

@@ -1,6 +1,12 @@
 """The measurement noise R_k of a camera: quality factors, each a small unit, and their named sums (section 4)."""
 
-from pss.noise.calibrated import CALIBRATION_FACTORS, CALIBRATION_LIMITS, Calibration, calibration_factor
+from pss.noise.calibrated import (
+    CALIBRATION_FACTORS,
+    CALIBRATION_LIMITS,
+    SCALED_MODELS,
+    Calibration,
+    calibration_factor,
+)
 from pss.noise.covariance import PixelCovariance
 from pss.noise.factors import (
     DEFAULT_CCD_NOISE,
@@ -21,6 +27,7 @@ __all__ = [
     "CALIBRATION_LIMITS",
     "DEFAULT_CCD_NOISE",
     "NOISE_MODELS",
+    "SCALED_MODELS",
     "SMALLEST_COS_INCIDENCE",
     "BrightnessContrast",
     "Calibration",

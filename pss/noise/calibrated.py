@@ -1,5 +1,7 @@
 """A calibration: weights of noise factors and limits of detection, fitted on training views, in a file that says how.
 
+Beside them stand scales: one number for each model whose unit is open, with which it fits the same views best.
+
 name = "calibrated"
 
 [weights]                      # of covariances; px² where the factor itself is a ratio
@@ -10,6 +12,9 @@ floor = 3e-5
 smallest_module_px = 2.3
 largest_blur_modules = 1.0
 
+[scales]                       # of whole models R, which stay as they are; may be left out
+as-printed = 1e-5
+
 [provenance]                   # for people: read, and not used
 """
 
@@ -18,7 +23,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -37,7 +42,7 @@ from pss.noise.photometric import BrightnessContrast
 from pss.noise.relative import ModuleSize, RelativeDefocus
 from pss.photometry import ImageSensor
 
-__all__ = ["CALIBRATION_FACTORS", "CALIBRATION_LIMITS", "Calibration", "calibration_factor"]
+__all__ = ["CALIBRATION_FACTORS", "CALIBRATION_LIMITS", "SCALED_MODELS", "Calibration", "calibration_factor"]
 
 CALIBRATION_FACTORS = (
     "brightness-contrast",
@@ -49,6 +54,8 @@ CALIBRATION_FACTORS = (
     "resolution",
 )
 CALIBRATION_LIMITS = ("smallest_module_px", "largest_blur_modules")
+# The paper's models, which add m² to px², and R = I: their unit is open.
+SCALED_MODELS = ("as-printed", "corrected", "identity")
 
 # A longer value would push what is allowed out of sight.
 LONGEST_VALUE = 70
@@ -89,12 +96,14 @@ class Calibration:
     Attributes:
         weights: by factor, of covariances (px² where the factor itself is a ratio).
         limits: all of `CALIBRATION_LIMITS` (`pss.legibility.Legible`), or none.
+        scales: what the covariances of each of `SCALED_MODELS` are multiplied by to fit best, of all or of none.
     """
 
     name: str
     weights: Mapping[str, float]
     provenance: Mapping[str, str | int | float]
     limits: Mapping[str, float] = field(default_factory=dict)
+    scales: Mapping[str, float] = field(default_factory=dict)
 
     def factors(
         self,
@@ -114,6 +123,8 @@ class Calibration:
         lines += [f"{factor} = {float(weight)!r}" for factor, weight in self.weights.items()]
         if self.limits:
             lines += ["", "[limits]", *(f"{limit} = {float(value)!r}" for limit, value in self.limits.items())]
+        if self.scales:
+            lines += ["", "[scales]", *(f"{model} = {float(value)!r}" for model, value in self.scales.items())]
         lines += ["", "[provenance]"]
         lines += [f"{_key(key)} = {_value(value)}" for key, value in self.provenance.items()]
         return "\n".join(lines) + "\n"
@@ -123,14 +134,15 @@ class Calibration:
         """Read a calibration.
 
         Raises:
-            RangeError: the file is missing or no TOML, or says something else than weights, limits, name, provenance.
+            RangeError: the file is missing or no TOML, or holds something else than weights, limits, scales, name and
+                provenance.
         """
         if not Path(path).is_file():
             raise RangeError(f"{path}: there is no such file; allowed: the path of a calibration (.toml)")
         content = read_toml(path)
-        if unknown := set(content) - {"name", "weights", "limits", "provenance"}:
+        if unknown := set(content) - {"name", "weights", "limits", "scales", "provenance"}:
             raise RangeError(
-                f"{path}: {sorted(unknown)[0]!r:.{LONGEST_VALUE}}; allowed: name, weights, limits, provenance"
+                f"{path}: {sorted(unknown)[0]!r:.{LONGEST_VALUE}}; allowed: name, weights, limits, scales, provenance"
             )
         weights = content.get("weights")
         if not isinstance(weights, dict) or not weights:
@@ -144,12 +156,8 @@ class Calibration:
                 raise RangeError(f"{path}: weights.{factor} = {_shown(weight)}; allowed: 0 or more, finite")
         if not any(weights.values()):
             raise RangeError(f"{path}: all weights are 0; allowed: at least one above")
-        limits = content.get("limits", {})
-        if not isinstance(limits, dict) or (limits and set(limits) != set(CALIBRATION_LIMITS)):
-            raise RangeError(f"{path}: limits = {_shown(limits)}; allowed: none, or {' and '.join(CALIBRATION_LIMITS)}")
-        for limit, value in limits.items():
-            if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
-                raise RangeError(f"{path}: limits.{limit} = {_shown(value)}; allowed: above 0, finite")
+        limits = _positive(path, content, "limits", CALIBRATION_LIMITS)
+        scales = _positive(path, content, "scales", SCALED_MODELS)
         name = content.get("name", Path(path).stem)
         if not isinstance(name, str):
             raise RangeError(f"{path}: name = {_shown(name)}; allowed: text")
@@ -163,8 +171,24 @@ class Calibration:
             name,
             {key: float(value) for key, value in weights.items()},
             provenance,
-            {key: float(limits[key]) for key in CALIBRATION_LIMITS if limits},
+            limits,
+            scales,
         )
+
+
+def _positive(path: str | Path, content: Mapping[str, object], table: str, names: Sequence[str]) -> dict[str, float]:
+    """A table that has a positive number for each of `names`, or none at all.
+
+    Raises:
+        RangeError: with path, key, value and what is allowed.
+    """
+    values = content.get(table, {})
+    if not isinstance(values, dict) or (values and set(values) != set(names)):
+        raise RangeError(f"{path}: {table} = {_shown(values)}; allowed: none, or {' and '.join(names)}")
+    for name, value in values.items():
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
+            raise RangeError(f"{path}: {table}.{name} = {_shown(value)}; allowed: above 0, finite")
+    return {name: float(values[name]) for name in names if values}
 
 
 def _shown(value: object) -> str:

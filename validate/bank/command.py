@@ -62,8 +62,6 @@ WIDTH = 140
 HEADLINE = 4
 # Ranks of two are always in one order or the other.
 FEWEST_CONFIGURATIONS = 3
-# Noise models whose parts are exchanged for what was measured.
-PARTS_OF = ("as-printed", "corrected", "identity", "physical", "calibrated")
 
 
 def run(
@@ -232,7 +230,7 @@ def judge(
     for count in counts:
         tell(f"{bank.scene.path.stem}: judging {configurations} configurations of {count} cameras")
         verdict = verdict_of(bank, data, acquired, contenders, count, configurations, seed, filtered=count == HEADLINE)
-        rows["leaderboard"] += leaderboard(verdict, asked_pairs())
+        rows["leaderboard"] += leaderboard(verdict, asked_pairs(contenders))
         rows["ceiling"] += oracle_rows(bank, data, verdict)
         rows["blunders"].append(blunder_row(verdict))
         rows["consistency"] += consistency_rows(verdict, bank, data, contenders, acquired)
@@ -240,8 +238,7 @@ def judge(
             visible = visibilities(bank.scene, calibration)
             rows["detection"] += detection_rows(bank, data, verdict, visible, acquired)
             rows["sensitivity"] += sensitivity_rows(bank, data, verdict, visible["points"], acquired)
-            named = [model for model in models if model.name in PARTS_OF]
-            rows["parts"] += parts_rows(bank, data, verdict, named, visible, acquired)
+            rows["parts"] += parts_rows(bank, data, verdict, models, visible, acquired)
     # The pixel level has fewer columns; every row of a file has all of them.
     columns = list(dict.fromkeys(key for row in rows["consistency"] for key in row))
     rows["consistency"] = [{key: row.get(key, float("nan")) for key in columns} for row in rows["consistency"]]

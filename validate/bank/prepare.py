@@ -9,7 +9,7 @@ from pss.noise import Calibration
 from render.backend import Backend
 from validate.acquire import Acquired, acquire
 from validate.bank.design import BankDesign, ViewBank
-from validate.bank.study import calibrated, data_of, limits_of
+from validate.bank.study import calibrated, data_of, limits_of, scales_of
 from validate.run_messages import RunMessages
 from validate.scale.options import HERE, Scale
 from validate.store import Store, write_text
@@ -48,9 +48,10 @@ def enough(training: ViewBank, judged: ViewBank, cameras: int, messages: RunMess
 
 
 def calibrate(training: ViewBank, acquired: Acquired, design: BankDesign, out: Path) -> Calibration:
-    """Noise weights and limits of detection by the training views, left as `calibrated.toml`."""
+    """Noise weights, limits of detection and scales by the training views, left as `calibrated.toml`."""
     data = data_of(training, acquired, design.seed)
     fitted, limits = calibrated(training, data, acquired), limits_of(training, data, acquired)
+    scales = scales_of(training, data, acquired, fitted)
     provenance: dict[str, str | int | float] = {
         "scene": training.scene.path.name,
         "views": len(training.views),
@@ -63,6 +64,6 @@ def calibrate(training: ViewBank, acquired: Acquired, design: BankDesign, out: P
         **limits.provenance,
         "fitted_by": "python validate/run_sweep.py bank",
     }
-    calibration = Calibration("calibrated", fitted.weights, provenance, limits.limits)
+    calibration = Calibration("calibrated", fitted.weights, provenance, limits.limits, scales)
     write_text(out / "calibrated.toml", calibration.to_toml())
     return calibration

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pss import METRICS, Appearance, NoiseModel
 from pss.json_text import json_text
 from pss.legibility import TARGET_VISIBILITY, within_limits
-from pss.noise import CALIBRATION_FACTORS, Calibration
+from pss.noise import CALIBRATION_FACTORS, SCALED_MODELS, Calibration
 from pss.views import Views
 from pss.visibility import VISIBILITY_TESTS, VisibilityTest
 from render.view import random_stream, state_key
@@ -21,7 +21,14 @@ from validate.bank.design import ViewBank, draw_configurations
 from validate.bank.measured import BankData, measure_all
 from validate.bank.predicted import Contender, Predicted, PredictionTask, predict_all
 from validate.bank.verdict import CountVerdict
-from validate.calibrate import Fitted, factor_covariances, fit_best_form, pixel_moments
+from validate.calibrate import (
+    Fitted,
+    factor_covariances,
+    fit_best_form,
+    fit_scale,
+    model_covariance,
+    pixel_moments,
+)
 from validate.calibrate_limits import FittedLimits, fit_limits
 
 __all__ = [
@@ -30,7 +37,7 @@ __all__ = [
     "FREE_MODELS",
     "FULL_MODEL",
     "PHYSICAL_WHOLE",
-    "SCALED_MODELS",
+    "SCALED",
     "appearance_of",
     "asked_pairs",
     "calibrated",
@@ -40,6 +47,7 @@ __all__ = [
     "limits_of",
     "noise_models",
     "predictions",
+    "scales_of",
     "scene_contenders",
     "verdict_of",
     "visibilities",
@@ -50,8 +58,6 @@ Row = dict[str, object]
 
 # Models that need no measurement.
 FREE_MODELS = ("as-printed", "corrected", "physical", "identity")
-# Of these, the ones whose unit is open: each is judged as it is, and times one scalar fitted on the training views.
-SCALED_MODELS = ("as-printed", "corrected", "identity")
 # Under the models beside the one that all metrics are asked under.
 ALWAYS = ("pss", "pss-single-frame", "d-optimality-count-zero", "e-optimality-count-zero")
 # R and limits of detection, both fitted on the training views; all metrics are judged under it.
@@ -62,6 +68,8 @@ FULL_MODEL = "calibrated"
 OF_FULL_MODEL = ("pss", "pss-single-frame", "visibility-count", "visible-share")
 # The fitted R alone, and the one that fits nothing with whole markers in place of their centres.
 CALIBRATED_R, PHYSICAL_WHOLE = "calibrated R", "physical, whole markers"
+# The models whose unit is open, times one scalar fitted on the training views.
+SCALED = {name: f"{name}, scaled" for name in SCALED_MODELS}
 
 
 def data_of(bank: ViewBank, acquired: Acquired, seed: int) -> BankData:
@@ -85,6 +93,17 @@ def calibrated(bank: ViewBank, data: BankData, acquired: Acquired) -> Fitted:
     return fit_best_form(CALIBRATION_FACTORS, covariances, moments)
 
 
+def scales_of(bank: ViewBank, data: BankData, acquired: Acquired, fitted: Fitted) -> dict[str, float]:
+    """What each of `SCALED_MODELS`, as it is in the scene, is multiplied by to fit the moments that `fitted` kept."""
+    moments = pixel_moments(data.residuals())[fitted.kept]
+    state = bank.scene.state
+    views = Views(list(bank.cameras), state.points_m, state.normals, appearance_of(bank.scene, acquired))
+    return {
+        name: fit_scale(model_covariance(bank.scene.noise_model(name), views, moments), moments)
+        for name in SCALED_MODELS
+    }
+
+
 def limits_of(bank: ViewBank, data: BankData, acquired: Acquired) -> FittedLimits:
     """Limits of detection fitted on a training bank."""
     state = bank.scene.state
@@ -93,10 +112,21 @@ def limits_of(bank: ViewBank, data: BankData, acquired: Acquired) -> FittedLimit
 
 
 def noise_models(scene: Scene, calibration: Calibration) -> list[NoiseModel]:
-    """The R_k that are judged in a scene, with its own sensor, switched-off factors and scale of Eq. 11."""
+    """The R_k that are judged in a scene, with its own sensor, switched-off factors and scale of Eq. 11.
+
+    Those that are scaled as a whole are among them if the calibration has their scales; the calibrated R is the last.
+    """
     # Under the names that the tables have, which a model without some of its factors would extend.
-    free = [dataclasses.replace(scene.noise_model(name), name=name) for name in FREE_MODELS]
-    return [*free, NoiseModel(calibration.name, calibration.factors(scene.sensor, scene.sensor.ccd_noise))]
+    free = {name: dataclasses.replace(scene.noise_model(name), name=name) for name in FREE_MODELS}
+    scaled = [
+        free[name].weighted({factor.name: scale for factor in free[name].factors}, SCALED[name])
+        for name, scale in calibration.scales.items()
+    ]
+    return [
+        *free.values(),
+        *scaled,
+        NoiseModel(calibration.name, calibration.factors(scene.sensor, scene.sensor.ccd_noise)),
+    ]
 
 
 def visibilities(scene: Scene, calibration: Calibration) -> dict[str, tuple[VisibilityTest, ...]]:
@@ -111,6 +141,7 @@ def scene_contenders(scene: Scene, calibration: Calibration) -> list[Contender]:
     visible = visibilities(scene, calibration)
     return [
         *(Contender(name, models[name], scene.visibility) for name in FREE_MODELS),
+        *(Contender(SCALED[name], models[SCALED[name]], scene.visibility) for name in calibration.scales),
         Contender(PHYSICAL_WHOLE, models["physical"], visible["whole markers"]),
         Contender(CALIBRATED_R, models[calibration.name], scene.visibility),
         Contender(CALIBRATED_LIMITS, models[calibration.name], visible["fitted limits"]),
@@ -145,11 +176,14 @@ def check_models(scene: Scene, command: str, used: Collection[str]) -> None:
         raise SceneError([f"{scene.path}: noise.models = {json_text(models)}; {allowed}"])
 
 
-def asked_pairs() -> list[tuple[str, str]]:
+def asked_pairs(contenders: Sequence[Contender]) -> list[tuple[str, str]]:
     """Pairs of contender and metric: everything under the fitted limits, what R decides under the others too."""
-    pairs = [(CALIBRATED_LIMITS, name) for name in METRICS]
-    pairs += [(FULL_MODEL, name) for name in OF_FULL_MODEL]
-    pairs += [(name, metric) for name in (*FREE_MODELS, PHYSICAL_WHOLE, CALIBRATED_R) for metric in ALWAYS]
+    pairs = [(CALIBRATED_LIMITS, metric) for metric in METRICS]
+    for contender in contenders:
+        if contender.name == FULL_MODEL:
+            pairs += [(FULL_MODEL, metric) for metric in OF_FULL_MODEL]
+        elif contender.name != CALIBRATED_LIMITS:
+            pairs += [(contender.name, metric) for metric in ALWAYS]
     return pairs + [("physical", "visibility-count"), (PHYSICAL_WHOLE, "visibility-count")]
 
 
@@ -192,7 +226,7 @@ def verdict_of(
     names = [camera.name for camera in bank.cameras]
     configurations = draw_configurations(names, cameras, count, rng)
     needs: dict[str, tuple[str, ...]] = {contender.name: () for contender in contenders}
-    for name, metric in asked_pairs():
+    for name, metric in asked_pairs(contenders):
         needs[name] += (metric,)
     predicted = predictions(bank, contenders, configurations, appearance_of(bank.scene, acquired), needs, filtered)
     measured = measure_all(data, configurations.tolist(), filtered)

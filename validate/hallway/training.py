@@ -13,14 +13,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import PTZCamera, RangeError
-from pss.noise import CALIBRATION_FACTORS, Calibration
+from pss.noise import CALIBRATION_FACTORS, SCALED_MODELS, Calibration
 from pss.ptz import fitting_zoom
 from pss.views import Views
 from render.view import random_stream, state_key
 from scenes import Scene
 from scenes.schedule_file import ScheduleFile
 from validate.acquire import Acquired, Acquisition
-from validate.calibrate import PixelMoments, factor_covariances, fit_best_form, pixel_moments
+from validate.calibrate import (
+    PixelMoments,
+    factor_covariances,
+    fit_best_form,
+    fit_scale,
+    model_covariance,
+    pixel_moments,
+)
 from validate.calibrate_limits import limits_of_targets, whole_targets
 from validate.hallway.runs import step_views
 from validate.hallway.stage import Stage
@@ -73,12 +80,12 @@ def training_views(schedule: ScheduleFile, stage: Stage, renderer: str) -> list[
 
 
 def calibrate_hallway(training: list[Training], acquired: Acquired) -> Calibration:
-    """The weights and limits that fit the training views.
+    """The weights, limits and scales that fit the training views.
 
     Raises:
         RangeError: no marker was found often enough in any of them.
     """
-    moments, covariances, targets = [], [], []
+    moments, covariances, of_models, targets = [], [], [], []
     for place in training:
         state, sensor = place.scene.state, place.scene.sensor
         look = acquired.appearances[state_key(state)]
@@ -86,11 +93,14 @@ def calibrate_hallway(training: list[Training], acquired: Acquired) -> Calibrati
         projected = np.array([camera.project(state.points_m)[0] for camera in place.cameras])
         residuals = np.array([view.pixels for view in measured]) - projected[:, None]
         of_place = pixel_moments(residuals)
+        views = Views(list(place.cameras), state.points_m, state.normals, look)
         if len(of_place.trials):
             moments.append(of_place)
             geometry = (list(place.cameras), state.points_m, state.normals)
             covariances.append(factor_covariances(*geometry, look, sensor, of_place, CALIBRATION_FACTORS))
-        views = Views(list(place.cameras), state.points_m, state.normals, look)
+            of_models.append(
+                [model_covariance(place.scene.noise_model(name), views, of_place) for name in SCALED_MODELS]
+            )
         rate = np.array([view.detected.mean(axis=0) for view in measured])
         targets.append(whole_targets(views, state.occluders, rate, sensor))
     if not moments:
@@ -99,6 +109,11 @@ def calibrate_hallway(training: list[Training], acquired: Acquired) -> Calibrati
         *(np.concatenate([getattr(m, field.name) for m in moments]) for field in dataclasses.fields(PixelMoments))
     )
     fitted = fit_best_form(CALIBRATION_FACTORS, np.concatenate(covariances, axis=1), together)
+    kept = fitted.kept
+    scales = {
+        name: fit_scale(whole[kept], together[kept])
+        for name, whole in zip(SCALED_MODELS, np.concatenate(of_models, axis=1), strict=True)
+    }
     limits = limits_of_targets(*(np.concatenate(parts) for parts in zip(*targets, strict=True)))
     provenance: dict[str, str | int | float] = {
         "places": len(training),
@@ -109,4 +124,4 @@ def calibrate_hallway(training: list[Training], acquired: Acquired) -> Calibrati
         **limits.provenance,
         "fitted_by": "python validate/run_sweep.py schedule",
     }
-    return Calibration("calibrated", fitted.weights, provenance, limits.limits)
+    return Calibration("calibrated", fitted.weights, provenance, limits.limits, scales)
