@@ -1,12 +1,15 @@
-"""The Kalman filter of the static scene on the detector's own residuals: what P⁻ of Eq. 4 and its P⁺ are held against.
+"""A linearised simulation of the Kalman filter, driven by rendered residuals: P⁻ of Eq. 4 and P⁺ are held against it.
 
-The truth follows the process model from where the points were rendered; a frame's measurement is the projection plus
-the residual of a trial drawn from those the detector really made there. The filter weighs each detection by its own
-covariance, as triangulation does. The scene is linearised at the rendered points, so that the error obeys, exactly,
+No moving point is rendered. The truth follows the process model in the simulation, from where the points were rendered;
+a frame's measurement is the projection plus the residual of a trial, drawn from those the detector made there. The
+filter weighs each detection by its own covariance, as triangulation does. The scene is linearised at the rendered
+points, so that the error obeys, exactly,
 
     e⁺ = (I − P⁺Λ) e⁻ + P⁺ y,     e⁻ ← A e⁺ − w,  w ~ N(0, Q),     Λ = Σ HᵀR⁻¹H,  y = Σ HᵀR⁻¹ (pixel − projection)
 
-with sums over the views that detected the point in that trial.
+with sums over the views that detected the point in that trial. So it tests what the residuals do in a filter (their
+covariance, frozen bias and misses), not what motion, blur and linearisation do. `validate.filter_moments` solves for
+its second moments in place of the simulation.
 """
 
 from __future__ import annotations
@@ -24,7 +27,7 @@ from pss.process import ProcessModel
 from pss.riccati import posterior_covariance, steady_state_covariance_from_information
 from validate.triangulate import detection_weights
 
-__all__ = ["Tracked", "track_static"]
+__all__ = ["Tracked", "embedded", "mean_over", "track", "track_static", "trial_terms"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -97,13 +100,21 @@ def track_static(
         )
     if runs < 1:
         raise RangeError(f"runs = {runs}; allowed: at least 1")
-    information, pull = _trial_information(cameras, points, np.asarray(pixels, dtype=float), detected, weight)
+    pixels = np.asarray(pixels, dtype=float)
+    information, pull = (terms.sum(axis=0) for terms in trial_terms(cameras, points, pixels, detected, weight))
+    return track(information, pull, drawable, process, rng, runs)
 
-    moments, last = np.full((2, len(points), 3, 3), np.nan), np.full((2, runs, len(points), 3), np.nan)
+
+def track(
+    information: Floats, pull: Floats, drawable: Bools, process: ProcessModel, rng: np.random.Generator, runs: int
+) -> Tracked:
+    """`track_static` from the trials' Λ (T, N, 3, 3) and y (T, N, 3), summed over the views that detected the point."""
+    points = drawable.shape[1]
+    moments, last = np.full((2, points, 3, 3), np.nan), np.full((2, runs, points, 3), np.nan)
     item, start = _start(information, drawable, process)
     if not item.size:
         return Tracked(*moments, *last, steps=0)
-    mean_information = _embed(_mean_over(information, drawable)[item], process.states)
+    mean_information = embedded(mean_over(information, drawable)[item], process.states)
     slowest = _time_constant_frames(process.A, start, mean_information)
     settling = max(FEWEST_SETTLING_FRAMES, math.ceil(SETTLING_TIME_CONSTANTS * slowest))
     averaged = max(FEWEST_AVERAGED_FRAMES, math.ceil(AVERAGED_TIME_CONSTANTS * slowest))
@@ -112,29 +123,39 @@ def track_static(
     return Tracked(*moments, *last, steps=settling + averaged)
 
 
-def _trial_information(
+def trial_terms(
     cameras: Sequence[PTZCamera], points: Floats, pixels: Floats, detected: Bools, weight: Floats
 ) -> tuple[Floats, Floats]:
-    """1/m² Λ (T, N, 3, 3) and 1/m y (T, N, 3) of every trial; zero where no view detected."""
-    trials = detected.shape[1:]
-    information, pull = np.zeros((*trials, 3, 3)), np.zeros((*trials, 3))
-    for camera, measured, seen, inverse in zip(cameras, pixels, detected, weight, strict=True):
+    """1/m² HᵀR⁻¹H (C, T, N, 3, 3) and 1/m HᵀR⁻¹ × residual (C, T, N, 3) of each view; zero where it did not detect.
+
+    Their sums over views are Λ and y of any configuration of these views.
+
+    Args:
+        cameras: C of them.
+        points: m, (N, 3).
+        pixels: px, (C, T, N, 2).
+        detected, weight: (C, T, N) and (C, T, N, 2, 2), from `detection_weights`.
+    """
+    information, pull = np.zeros((*detected.shape, 3, 3)), np.zeros((*detected.shape, 3))
+    for of_view, pulled, camera, measured, seen, inverse in zip(
+        information, pull, cameras, pixels, detected, weight, strict=True
+    ):
         ever = np.flatnonzero(seen.any(axis=0))  # the others may lie in the plane of the lens, where no pixel exists
         projected, jacobian = camera.project(points[ever])[0], camera.jacobian(points[ever])
         residual = np.where(seen[:, ever, None], measured[:, ever] - projected, 0.0)
         weighted = jacobian.mT @ inverse[:, ever]  # HᵀR⁻¹, (T, N', 3, 2)
-        information[:, ever] += weighted @ jacobian
-        pull[:, ever] += (weighted @ residual[..., None])[..., 0]
+        of_view[:, ever] = weighted @ jacobian
+        pulled[:, ever] = (weighted @ residual[..., None])[..., 0]
     return information, pull
 
 
-def _mean_over(information: Floats, drawable: Bools) -> Floats:
+def mean_over(information: Floats, drawable: Bools) -> Floats:
     """1/m², the mean Λ over the trials that may be drawn, (N, 3, 3); zero where there is none."""
     total = (information * drawable[..., None, None]).sum(axis=0)
     return np.asarray(total / np.maximum(drawable.sum(axis=0), 1)[:, None, None])
 
 
-def _embed(information: Floats, states: int) -> Floats:
+def embedded(information: Floats, states: int) -> Floats:
     """Λ in the position block of a state's information, (N, n, n)."""
     embedded = np.zeros((len(information), states, states))
     embedded[:, :3, :3] = information
@@ -144,7 +165,7 @@ def _embed(information: Floats, states: int) -> Floats:
 def _start(information: Floats, drawable: Bools, process: ProcessModel) -> tuple[NDArray[np.int64], Floats]:
     """The points that can be tracked, (V,), and P∞ of their mean information, (V, n, n)."""
     item = np.flatnonzero(drawable.any(axis=0))
-    mean_information = _embed(_mean_over(information, drawable)[item], process.states)
+    mean_information = embedded(mean_over(information, drawable)[item], process.states)
     start = steady_state_covariance_from_information(process.A, process.Q, mean_information, unsolvable="nan")
     solved = np.isfinite(start).all(axis=(-2, -1))
     return item[solved], start[solved]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Literal
@@ -21,8 +21,10 @@ from scenes.sweep_file import SWEEPS
 from validate.acquire import Acquired
 from validate.bank.ceilings import oracle_rows, parts_rows
 from validate.bank.design import BankDesign, ViewBank, detection_views, held_out_views, training_views
+from validate.bank.filtered import filter_all
 from validate.bank.levels import blunder_row, consistency_rows, detection_rows, pixel_rows
 from validate.bank.prepare import acquire_banks, calibrate, enough
+from validate.bank.process_noise import process_levels, process_rows
 from validate.bank.sensitivity import sensitivity_rows
 from validate.bank.study import (
     FREE_MODELS,
@@ -41,6 +43,7 @@ from validate.dry_run import announce
 from validate.exit_codes import EXIT_DONE, EXIT_FAILED
 from validate.findings.bank import bank_findings
 from validate.findings.tables import read_tables
+from validate.process_levels import Level
 from validate.program import program_name
 from validate.progress import clock
 from validate.remote_store import open_store
@@ -179,10 +182,12 @@ def _judge_all(
         scenes = {bank.scene.path.name: bank.scene for bank in (held_out, *others)}
         predicted_with = {name: judged(scene_contenders(scene, calibration)) for name, scene in scenes.items()}
         counts = tuple(count for count in COUNTS if count <= len({camera.name for camera in held_out.cameras}))
-        tables = judge(held_out, acquired, calibration, configurations, design.seed, counts, messages.note)
+        levels = process_levels(training, acquired, HEADLINE, design.seed)
+        common = (calibration, configurations, design.seed)
+        tables = judge(held_out, acquired, *common, counts, levels, messages.note)
         for second in others:
             if enough(training, second, HEADLINE, messages):
-                other = judge(second, acquired, calibration, configurations, design.seed, (HEADLINE,), messages.note)
+                other = judge(second, acquired, *common, (HEADLINE,), levels, messages.note)
                 tables |= {f"{second.scene.path.stem}-{name}": rows for name, rows in other.items()}
         for name, rows in tables.items():
             write_csv(out / f"{name}.csv", rows)
@@ -219,9 +224,10 @@ def judge(
     configurations: int,
     seed: int,
     counts: tuple[int, ...],
+    levels: Sequence[Level],
     tell: Callable[[str], None] = lambda line: None,
 ) -> dict[str, list[Row]]:
-    """All tables of a held-out bank, by name; `tell` hears what is being done."""
+    """All tables of a held-out bank, by name; the filter at `levels` of process noise; `tell` hears what is done."""
     data = data_of(bank, acquired, seed)
     models, contenders = noise_models(bank.scene, calibration), scene_contenders(bank.scene, calibration)
     rows: dict[str, list[Row]] = {"leaderboard": [], "ceiling": [], "consistency": [], "detection": [], "parts": []}
@@ -233,7 +239,11 @@ def judge(
         rows["leaderboard"] += leaderboard(verdict, asked_pairs(contenders))
         rows["ceiling"] += oracle_rows(bank, data, verdict)
         rows["blunders"].append(blunder_row(verdict))
-        rows["consistency"] += consistency_rows(verdict, bank, data, contenders, acquired)
+        filtered = None
+        if count == HEADLINE:
+            filtered = filter_all(data, verdict.configurations, verdict.measured, levels)
+            rows["process"] = process_rows(verdict, [contender.name for contender in contenders], levels, filtered)
+        rows["consistency"] += consistency_rows(verdict, bank, data, contenders, acquired, filtered)
         if count == HEADLINE:
             visible = visibilities(bank.scene, calibration)
             rows["detection"] += detection_rows(bank, data, verdict, visible, acquired)

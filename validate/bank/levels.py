@@ -13,8 +13,10 @@ from pss.visibility import VisibilityTest, visible_in
 from validate.acquire import Acquired
 from validate.bank.consistency import anisotropy, of_errors, of_moments, pooled_spearman, root_trace_of, sandwich
 from validate.bank.design import ViewBank
+from validate.bank.filtered import Filtered
 from validate.bank.measured import BankData, residual_moments
-from validate.bank.predicted import Contender, Predicted
+from validate.bank.predicted import Contender
+from validate.bank.process_noise import information_of, steady_covariances
 from validate.bank.ranking import Resamples, with_interval
 from validate.bank.study import appearance_of
 from validate.bank.verdict import CountVerdict
@@ -63,9 +65,19 @@ def _pixel_row(name: str, residuals: Floats, covariance: Floats, trials: NDArray
 
 
 def consistency_rows(
-    verdict: CountVerdict, bank: ViewBank, data: BankData, contenders: Sequence[Contender], acquired: Acquired
+    verdict: CountVerdict,
+    bank: ViewBank,
+    data: BankData,
+    contenders: Sequence[Contender],
+    acquired: Acquired,
+    filtered: Filtered | None = None,
 ) -> list[Row]:
-    """Single frame, and the filter where it was run, of each contender over the configurations of one camera count."""
+    """Single frame, and the filter where it was run, of each contender over the configurations of one camera count.
+
+    The filter is a linearised simulation driven by rendered residuals, at the headline's process noise: with much more
+    of it P⁻ is the step, and NEES is 1 whatever R is.
+    """
+    q = None if filtered is None else float(filtered.process.Q[0, 0])
     chance = verdict.chance
     errors = np.array([found.errors.errors_m for found in verdict.measured])
     moment = np.array([found.errors.second_moment_m2 for found in verdict.measured])
@@ -75,7 +87,7 @@ def consistency_rows(
     for contender in contenders:
         of_model = [found[contender.name] for found in verdict.predicted]
         covariance = np.array([found.covariance_m2 for found in of_model])
-        ratio = _sandwich_medians(verdict, bank, data, contender, acquired)
+        ratio = _sandwich_medians(verdict, bank, data, contender, acquired, q)
         rows.append(
             {
                 "level": "single frame",
@@ -87,22 +99,20 @@ def consistency_rows(
                 "sandwich_over_claimed_median": ratio[0],
             }
         )
-        rows += _filter_rows(verdict, contender.name, of_model, ratio[1], chance)
+        if filtered is not None:
+            rows += _filter_rows(verdict, contender.name, filtered, ratio[1], chance)
     return rows
 
 
-def _filter_rows(
-    verdict: CountVerdict, name: str, predicted: Sequence[Predicted], ratio: float, chance: Resamples
-) -> list[Row]:
-    """P⁻ and P⁺ against the filter's moments (over all its frames) and against its errors (of the last frame)."""
+def _filter_rows(verdict: CountVerdict, name: str, filtered: Filtered, ratio: float, chance: Resamples) -> list[Row]:
+    """P⁻ and P⁺ against the filter's second moments, which are solved for, and against simulated errors."""
     rows = []
-    for kind in ("prior", "posterior"):
-        moments = [getattr(found, f"{kind}_moment_m2") for found in verdict.measured]
-        if any(moment is None for moment in moments):
-            return []
-        errors = np.array([getattr(found, f"{kind}_errors_m") for found in verdict.measured])
-        covariance = np.array([getattr(found, f"{kind}_m2") for found in predicted])
-        found = of_moments(np.array(moments), covariance)
+    information = information_of([found[name] for found in verdict.predicted])
+    for kind, covariance in zip(
+        ("prior", "posterior"), steady_covariances(*information, filtered.process), strict=True
+    ):
+        moments, errors = (getattr(filtered, f"{kind}_{what}") for what in ("moment_m2", "errors_m"))
+        found = of_moments(moments, covariance)
         known = found[np.isfinite(found)]
         rows.append(
             {
@@ -120,9 +130,12 @@ def _filter_rows(
 
 
 def _sandwich_medians(
-    verdict: CountVerdict, bank: ViewBank, data: BankData, contender: Contender, acquired: Acquired
+    verdict: CountVerdict, bank: ViewBank, data: BankData, contender: Contender, acquired: Acquired, q: float | None
 ) -> tuple[float, float]:
-    """Median over configurations and points of actual over claimed √tr, weighted by the claimed R: frame and filter."""
+    """Median over configurations and points of actual over claimed √tr, weighted by the claimed R: frame and filter.
+
+    The filter is that of a random walk of variance `q` m² a frame; without one it is of the scene's own process.
+    """
     state = bank.scene.state
     true = residual_moments(data.residuals())
     views = Views(list(bank.cameras), state.points_m, state.normals, appearance_of(bank.scene, acquired))
@@ -130,7 +143,7 @@ def _sandwich_medians(
         claimed = np.broadcast_to(contender.noise.of_views(views).matrix(*true.shape[:2]), true.shape)
     jacobians = np.array([camera.jacobian(state.points_m) for camera in bank.cameras])
     found = []
-    q = float(data.process.Q[0, 0])
+    q = float(data.process.Q[0, 0]) if q is None else q
     for chosen, predicted in zip(verdict.configurations, verdict.predicted, strict=True):
         seen = predicted[contender.name].visible & np.isfinite(true[chosen]).all(axis=(-2, -1))
         seen &= np.isfinite(claimed[chosen]).all(axis=(-2, -1))

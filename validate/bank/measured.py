@@ -1,8 +1,11 @@
-"""What the images say of every configuration of a bank: triangulated once for all metrics and noise models."""
+"""What the images say of every configuration of a bank: triangulated once for all metrics and noise models.
+
+The filter's errors are those of a linearised simulation driven by rendered residuals (`validate.track`), of which the
+second moments are solved for (`validate.filter_moments`).
+"""
 
 from __future__ import annotations
 
-import dataclasses
 import os
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -14,19 +17,16 @@ from numpy.typing import NDArray
 
 from pss import PTZCamera
 from pss.process import ProcessModel
-from render.view import random_stream
 from validate.bank.workers import workers_context
 from validate.errors3d import MeasuredErrors
-from validate.track import track_static
+from validate.filter_moments import steady_moments
+from validate.track import trial_terms
 from validate.triangulate import detection_weights, triangulated_points
 
 __all__ = ["BankData", "ConfigurationErrors", "measure_all", "residual_moments"]
 
 Floats = NDArray[np.float64]
 Views = tuple[int, ...]
-
-# Filters a point; the moments of a configuration are averages over 20 frames and more of each.
-FILTER_RUNS = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +38,8 @@ class BankData:
         points_m: m, the truth, (N, 3).
         pixels: px, (V, T, N, 2); nan where not detected.
         covariance: px², each detection's own, (V, T, N, 2, 2).
-        process: of the filter.
-        seed: of the filter's draws.
+        process: the scene's own, of the filter.
+        seed: of all draws.
     """
 
     cameras: tuple[PTZCamera, ...]
@@ -59,6 +59,16 @@ class BankData:
         """What each view says in any configuration: which points it detected, and 1/px² R⁻¹ (`detection_weights`)."""
         return detection_weights(self.cameras, self.pixels, self.covariance)
 
+    @cached_property
+    def trial_terms(self) -> tuple[Floats, Floats]:
+        """1/m² (V, T, N, 3, 3) and 1/m (V, T, N, 3): what each view adds to Λ and y of the filter."""
+        return trial_terms(self.cameras, self.points_m, self.pixels, *self.weights)
+
+    def summed_terms(self, views: Sequence[int], used: NDArray[np.bool_]) -> tuple[Floats, Floats]:
+        """Λ (T, N, 3, 3) and y (T, N, 3) of the configuration of `views`, of the detections `used` (c, T, N)."""
+        information, pull = (terms[list(views)] for terms in self.trial_terms)
+        return np.einsum("ctn,ctnij->tnij", used, information), np.einsum("ctn,ctni->tni", used, pull)
+
     def residuals(self) -> Floats:
         """px, detection less projection, (V, T, N, 2); nan where not detected."""
         projected = []
@@ -74,23 +84,28 @@ class BankData:
 class ConfigurationErrors:
     """Measured errors of one configuration.
 
-    `kept` and `rejected` count detections. Of the filter, where it was run: m², second moments (N, 3, 3), and m, errors
-    in the last frame of each run (runs, N, 3), before and after the update.
+    Attributes:
+        errors: of triangulation.
+        used: (c, T, N), detections that triangulation kept.
+        rejected: how many it threw out.
+        prior_moment_m2: m², (N, 3, 3), second moment of the filter's a-priori error; None where it was not asked for.
     """
 
     errors: MeasuredErrors
-    kept: int
+    used: NDArray[np.bool_]
     rejected: int
     prior_moment_m2: Floats | None = None
-    posterior_moment_m2: Floats | None = None
-    prior_errors_m: Floats | None = None
-    posterior_errors_m: Floats | None = None
+
+    @property
+    def kept(self) -> int:
+        """How many detections triangulation kept."""
+        return int(self.used.sum())
 
 
 def measure_all(
     data: BankData, configurations: Sequence[Sequence[int]], filtered: bool = False, processes: int | None = None
 ) -> list[ConfigurationErrors]:
-    """Triangulate, and with `filtered` track, every configuration; the result does not depend on `processes`."""
+    """Triangulate, and with `filtered` filter, every configuration; the result does not depend on `processes`."""
     jobs = [tuple(int(view) for view in chosen) for chosen in configurations]
     workers = min(processes or os.cpu_count() or 1, len(jobs))
     if workers <= 1:
@@ -118,22 +133,11 @@ def _measure(data: BankData, views: Views, filtered: bool) -> ConfigurationError
     cameras = [data.cameras[view] for view in chosen]
     detected, weight = data.weights
     points_m, used, rejected = triangulated_points(cameras, data.pixels[chosen], detected[chosen], weight[chosen])
-    result = ConfigurationErrors(MeasuredErrors(points_m - data.points_m), int(used.sum()), int(rejected.sum()))
-    if not filtered:
-        return result
-    kept = np.where(used[..., None], data.pixels[chosen], np.nan)
-    usable = np.isfinite(points_m[..., 0])
-    rng = random_stream(data.seed, "+".join(map(str, chosen)), "filter")
-    tracked = track_static(
-        cameras, data.points_m, kept, data.covariance[chosen], usable, data.process, rng, FILTER_RUNS
-    )
-    return dataclasses.replace(
-        result,
-        prior_moment_m2=tracked.prior_moment_m2,
-        posterior_moment_m2=tracked.posterior_moment_m2,
-        prior_errors_m=tracked.prior_errors_m,
-        posterior_errors_m=tracked.posterior_errors_m,
-    )
+    errors = MeasuredErrors(points_m - data.points_m)
+    moment = None
+    if filtered:
+        moment, _ = steady_moments(*data.summed_terms(chosen, used), errors.detected, data.process)
+    return ConfigurationErrors(errors, used, int(rejected.sum()), moment)
 
 
 def residual_moments(residuals: Floats) -> Floats:

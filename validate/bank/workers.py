@@ -11,7 +11,7 @@ from multiprocessing.context import BaseContext
 
 __all__ = ["workers_context"]
 
-NEEDED = ["validate.bank.measured", "validate.bank.predicted"]
+NEEDED = ["validate.bank.filtered", "validate.bank.measured", "validate.bank.predicted"]
 
 
 def workers_context() -> BaseContext:
