@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Literal
@@ -22,6 +22,7 @@ from validate.acquire import Acquired
 from validate.bank.ceilings import oracle_rows, parts_rows
 from validate.bank.design import BankDesign, ViewBank, detection_views, held_out_views, training_views
 from validate.bank.filtered import filter_all
+from validate.bank.frozen import FrozenCalibration, leave, provenance_of, read_frozen
 from validate.bank.levels import blunder_row, consistency_rows, detection_rows, pixel_rows
 from validate.bank.prepare import acquire_banks, calibrate, enough
 from validate.bank.process_noise import process_levels, process_rows
@@ -63,6 +64,8 @@ COUNTS = (2, 3, 4, 6)
 WIDTH = 140
 # The camera count whose configurations are tracked by the filter as well, and the one of the headline.
 HEADLINE = 4
+# The first banks, on which a calibration is fitted: of training and of detection; then come those that are judged.
+FITTED_ON = 2
 # Ranks of two are always in one order or the other.
 FEWEST_CONFIGURATIONS = 3
 
@@ -70,6 +73,7 @@ FEWEST_CONFIGURATIONS = 3
 def run(
     scene: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
     second_scene: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
+    calibration: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("results/bank"),
     store: Annotated[str, tyro.conf.arg(metavar="DIR")] = "results/store",
     settings: int = 10,
@@ -90,7 +94,9 @@ def run(
 
     Args:
         scene: scene file (default: the room).
-        second_scene: another room, in which the calibration is judged without refitting (default: the atrium).
+        second_scene: another room, in which the calibration is judged without refitting (default: the atrium; with
+            --calibration: none).
+        calibration: judge with this calibration as it is; no training views are rendered and nothing is fitted.
         out: folder for the results.
         store: folder of rendered views and measurements, shared by all runs, or an address (docs/store.md).
         settings: views of each camera.
@@ -113,9 +119,13 @@ def run(
     with RunMessages(quiet, width=WIDTH) as messages:
         chosen = backend.choose(variant)
         messages.console.print(str(chosen), markup=False)
+        frozen = None if calibration is None else read_frozen(calibration)
+        if frozen is None and second_scene is None and (SWEEPS.parent / SECOND_SCENE).exists():
+            second_scene = SWEEPS.parent / SECOND_SCENE
         banks = _banks(scene, second_scene, set, allow_outside, design, chosen)
         if not dry_run:
-            return _judge_all(banks, design, configurations, out, store, chosen, messages, scale)
+            return _judge_all(banks, frozen, design, configurations, out, store, chosen, messages, scale)
+        banks = _rendered(banks, frozen)
         counts = [
             f"{bank.scene.path.stem}, {bank.role}: {len(bank.views)} views in {len(bank.wanted)} renders"
             for bank in banks
@@ -139,15 +149,19 @@ def _banks(
     _check_cameras(first)
     training = training_views(first, design, chosen.identity)
     held_out = held_out_views(first, design, chosen.identity)
-    second_path = second_scene or SWEEPS.parent / SECOND_SCENE
     banks = [training, detection_views(first, design, chosen.identity), held_out]
-    if second_path.exists():
-        other_scene = load_scene(second_path, allow_outside=allow_outside)
+    if second_scene is not None:
+        other_scene = load_scene(second_scene, allow_outside=allow_outside)
         _check_cameras(other_scene)
         banks.append(held_out_views(other_scene, design, chosen.identity))
     for bank in banks:
         check_models(bank.scene, "bank", FREE_MODELS)
     return banks
+
+
+def _rendered(banks: list[ViewBank], frozen: FrozenCalibration | None) -> list[ViewBank]:
+    """The banks whose views are needed: with a frozen calibration only those that are judged."""
+    return banks if frozen is None else banks[FITTED_ON:]
 
 
 def _check_cameras(scene: Scene) -> None:
@@ -159,6 +173,7 @@ def _check_cameras(scene: Scene) -> None:
 
 def _judge_all(
     wanted: list[ViewBank],
+    frozen: FrozenCalibration | None,
     design: BankDesign,
     configurations: int,
     out: Path,
@@ -171,14 +186,22 @@ def _judge_all(
     begin = time.perf_counter()
     opened = open_store(store)
     messages.start(out, "bank", store=store)
-    acquired, banks = acquire_banks(wanted, opened, chosen, messages, scale)
+    acquired, banks = acquire_banks(_rendered(wanted, frozen), opened, chosen, messages, scale)
     after_views = time.perf_counter()
-    (training, _, held_out), others = banks[:3], banks[3:]
     renders, views = (sum(counts) for counts in zip(*((len(b.wanted), len(b.views)) for b in banks), strict=True))
+    if frozen is not None:
+        banks = [*wanted[:FITTED_ON], *banks]
+    training, held_out, others = banks[0], banks[FITTED_ON], banks[FITTED_ON + 1 :]
     tables: dict[str, list[Row]] = {}
     predicted_with: dict[str, object] = {}
+    calibrated_by: Mapping[str, object] = {}
     if enough(training, held_out, HEADLINE, messages):
-        calibration = calibrate(training, acquired, design, out)
+        if frozen is None:
+            calibration = calibrate(training, acquired, design, out)
+        else:
+            calibration = frozen.calibration
+            leave(frozen, out)
+        calibrated_by = provenance_of(calibration, frozen)
         scenes = {bank.scene.path.name: bank.scene for bank in (held_out, *others)}
         predicted_with = {name: judged(scene_contenders(scene, calibration)) for name, scene in scenes.items()}
         counts = tuple(count for count in COUNTS if count <= len({camera.name for camera in held_out.cameras}))
@@ -194,12 +217,13 @@ def _judge_all(
         # Tables of an earlier run that lie there are not of this one.
         written = {name: rows for name, rows in read_tables(out).items() if name in tables}
         write_text(out / "findings.md", bank_findings(written))
-        _show(tables, calibration, messages.console)
+        _show(tables, calibration, messages.console, "in the file" if frozen else "on the training views")
     seconds = {"views": after_views - begin, "total": time.perf_counter() - begin}
     content = {
         "design": asdict(design),
         "configurations": configurations,
         "scenes": {bank.scene.path.name: bank.scene.resolved() for bank in banks},
+        "calibration": calibrated_by,
         "predicted_with": predicted_with,
         "renderer": chosen.identity,
         "rendered": acquired.rendered,
@@ -255,11 +279,11 @@ def judge(
     return rows
 
 
-def _show(tables: dict[str, list[Row]], calibration: Calibration, console: Console) -> None:
+def _show(tables: dict[str, list[Row]], calibration: Calibration, console: Console, where: str) -> None:
     """Print the verdict."""
     weights = ", ".join(f"{name} {weight:.3g}" for name, weight in calibration.weights.items() if weight > 0)
     limits = ", ".join(f"{name} {value:g}" for name, value in calibration.limits.items())
-    console.print(f"calibrated on the training views: {weights}; {limits}", markup=False)
+    console.print(f"calibrated {where}: {weights}; {limits}", markup=False)
     board = [
         row
         for row in tables["leaderboard"]
