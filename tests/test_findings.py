@@ -9,7 +9,6 @@ import pytest
 
 from validate.findings.bank import bank_findings
 from validate.findings.budget import budget_findings
-from validate.findings.calibration_error import calibration_error_findings
 from validate.findings.factors import factor_findings
 from validate.findings.page import findings_page
 from validate.findings.tables import read_tables
@@ -87,29 +86,3 @@ def test_factors_by_hand():
     assert "- physical: the slope lies in the measured one's interval in 1 of 2 sweeps, and is off by 0.30" in text
     assert text.count("wrong sign") == 1
     assert "wrong sign in exposure." in text
-
-
-def test_calibration_errors_by_hand():
-    """The smallest error that costs more than a tenth of ρ is named, and what a term for it gives back."""
-
-    def row(pan: float, focal: float, place: float, plain: float, term: float) -> dict[str, str]:
-        content = {"pan_tilt_deg": pan, "focal_share": focal, "position_m": place, "n": 200, "median_rms_m": 1e-3}
-        for name, value in (("plain", plain), ("with_term", term), ("gain", term - plain)):
-            content |= {f"spearman_{name}{end}": value for end in ("", "_low", "_high")}
-        return {key: str(value) for key, value in content.items()}
-
-    text = calibration_error_findings(
-        [
-            row(0, 0, 0, 0.97, 0.97),
-            row(0.01, 0, 0, 0.95, 0.96),
-            row(0.02, 0, 0, 0.8, 0.9),
-            row(0.05, 0, 0, 0.7, 0.9),
-            row(0, 0.001, 0, 0.9, 0.9),
-            row(0, 0, 0.002, 0.5, 0.9),
-            row(0.1, 0.005, 0.005, 0.4, 0.8),
-        ]
-    )
-    assert "- Pan and tilt: from 0.02° on, ρ has lost more than 0.1 (0.80 [0.80, 0.80]); with a term" in text
-    assert "- Focal length: up to 0.1 %, ρ loses no more than 0.1 (0.90 [0.90, 0.90])." in text
-    assert "- Place: from 2 mm on" in text
-    assert "- With all three of 0.1°, 0.5 %, 5 mm, ρ = 0.40 [0.40, 0.40], and with a term for them in R 0.80" in text

@@ -1,34 +1,38 @@
-"""What errors of calibration do to the ranking by PSS, and whether a term in R for them repairs it.
+"""Errors of calibration that nobody knows of: how large, how they displace detections, and the term in R for them.
 
 The rendered camera stays the true one. The camera that triangulation assumes differs from it by errors of pan, tilt,
-focal length and place of which it does not know, drawn anew for each trial of each view, as of a PTZ camera that
-re-aims for every frame. So a bias that stays in use, one draw for all frames, shows here as a spread: over the trials
-the second moment is that of many calibrations, each used once. All points of a trial in a view share its draw. (What
-errors of this size do to the prediction itself, through visibility and H, is left out.)
+focal length and place. There are two kinds:
+
+- **each frame**: every trial has another calibration of all cameras. The second moment over the trials is that over
+  calibrations, each used once, which C + GΣGᵀ predicts.
+- **frozen**: one draw, the same in all trials, as after a move to presets. A camera has one place and one relative
+  error of the focal length at all its settings, and other errors of pan and tilt at each: the motor comes back to a
+  preset only so well, while mount and lens stay as they are. Within one draw the error about the truth is a bias plus
+  noise; over many draws its second moment is that of the first kind.
+
+(What errors of this size do to the prediction itself, through visibility and H, is left out.)
 
 Nothing is rendered for it. To first order a wrong camera displaces where its model puts a point by J δ, J the
-projection's Jacobian and δ the errors; the study takes the displacement of the true points (exact, not linearised) off
-the detections and triangulates them with the true cameras, all trials at once.
+projection's Jacobian and δ the errors; the displacement of the true points (exact, not linearised) is taken off the
+detections, which are triangulated with the true cameras.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.stats
 from numpy.typing import NDArray
 
-from pss import NoiseModel, PTZCamera, RangeError
+from pss import PTZCamera, RangeError
 from pss.camera import MAX_ABS_TILT_DEG
 from pss.noise import PixelCovariance
 from pss.views import Views
 from render.view import random_stream
-from validate.bank.measured import BankData, measure_all
-from validate.bank.ranking import Resamples, judge_against
+from validate.bank.measured import BankData
 from validate.triangulate import BLUNDER_INFLATION, BLUNDER_TAIL
 
 __all__ = [
@@ -39,14 +43,16 @@ __all__ = [
     "displaced",
     "disturbed",
     "error_jacobian",
-    "study",
+    "passing_covariance",
+    "shifts_px",
+    "without_blunders",
 ]
 
 Floats = NDArray[np.float64]
-Row = dict[str, object]
 
 # pan, tilt, relative focal length, x, y, z.
 ERRORS = 6
+OF_A_SETTING = 2
 
 
 @dataclass(frozen=True)
@@ -157,77 +163,76 @@ def calibration_noise(sizes: CalibrationSizes) -> CalibrationNoise:
     return CalibrationNoise(sizes)
 
 
-def displaced(data: BankData, sizes: CalibrationSizes) -> BankData:
-    """The detections as if their cameras were wrong by a draw for each view and trial; `data` itself without errors.
+def shifts_px(data: BankData, sizes: CalibrationSizes, draw: int | None = None) -> Floats:
+    """How far errors of calibration move the projections, px: (V, T, N, 2), or (V, 1, N, 2) of a frozen draw.
 
-    Draws of different sizes are the same but for their scale. Triangulation's test for blunders is for detections off
-    by their own noise: the covariances are multiplied, all by one number, until errors of these sizes pass it, which
-    leaves the estimates as they are. What is a blunder without errors (by that test, against the truth) is left out.
+    Draws of different sizes are the same but for their scale. Where a view never detected a point it is 0.
+
+    Args:
+        draw: number of the frozen draw; None for another calibration in each trial.
     """
-    if sizes.none:
-        return data
-    pixels = data.pixels.copy()
-    views, trials = pixels.shape[:2]
-    residuals = np.nan_to_num(data.residuals())[..., None]
-    weight = np.linalg.inv(np.where(data.detected[..., None, None], data.covariance, np.eye(2)))
-    chi2 = (residuals.mT @ weight @ residuals)[..., 0, 0]
-    pixels[chi2 > BLUNDER_INFLATION * scipy.stats.chi2.isf(BLUNDER_TAIL, 2)] = np.nan
-    ratio = 0.0
-    for view in range(views):
-        camera = data.cameras[view]
+    views, trials = data.pixels.shape[:2]
+    shifts = np.zeros((views, trials if draw is None else 1, *data.pixels.shape[2:]))
+    places = [camera.position_m for camera in data.cameras]
+    for view, camera in enumerate(data.cameras):
         seen = np.flatnonzero(data.detected[view].any(axis=0))
         if not seen.size:
             continue
-        points = data.points_m[seen]
-        right = camera.project(points)[0]
-        for trial in range(trials):
-            rng = random_stream(data.seed, f"view {view}", "calibration error", trial)
-            pixels[view, trial, seen] -= disturbed(camera, sizes, rng).project(points)[0] - right
-        added = CalibrationNoise(sizes).covariance(Views([camera], points)).matrix(1, len(seen))[0]
-        own = data.covariance[view][:, seen]
-        with np.errstate(invalid="ignore", divide="ignore"):
-            of_view = np.trace(added, axis1=-2, axis2=-1) / np.trace(own, axis1=-2, axis2=-1)
-        ratio = max(ratio, float(np.nanmax(of_view)))
-    return dataclasses.replace(data, pixels=pixels, covariance=data.covariance * (1 + ratio))
+        if draw is None:
+            streams = (random_stream(data.seed, f"view {view}", "calibration error", trial) for trial in range(trials))
+            wrong = [disturbed(camera, sizes, rng) for rng in streams]
+        else:
+            # Views from one place are settings of one camera.
+            of_setting = random_stream(data.seed, f"view {view}", "frozen calibration error", draw)
+            of_camera = random_stream(
+                data.seed, f"camera of view {places.index(camera.position_m)}", "frozen calibration error", draw
+            )
+            errors = [*of_setting.standard_normal(OF_A_SETTING), *of_camera.standard_normal(ERRORS - OF_A_SETTING)]
+            wrong = [_moved(camera, sizes.sigmas * np.array(errors))]
+        projected = Views([camera, *wrong], data.points_m[seen]).pixels
+        shifts[view][:, seen] = projected[1:] - projected[0]
+    return shifts
 
 
-def study(
-    data: BankData,
-    configurations: NDArray[np.int64],
-    model: NoiseModel,
-    predict: Callable[[NoiseModel], Floats],
-    sizes: Sequence[CalibrationSizes] = PTZ_SIZES,
-    processes: int | None = None,
-) -> list[Row]:
-    """A row for each size of error: how PSS, without and with a term for it, ranks what is then measured.
+def without_blunders(data: BankData) -> BankData:
+    """The detections less those that are blunders by triangulation's own test, held against the truth."""
+    residuals = np.nan_to_num(data.residuals())[..., None]
+    weight = np.linalg.inv(np.where(data.detected[..., None, None], data.covariance, np.eye(2)))
+    chi2 = (residuals.mT @ weight @ residuals)[..., 0, 0]
+    blunder = chi2 > BLUNDER_INFLATION * scipy.stats.chi2.isf(BLUNDER_TAIL, 2)
+    return dataclasses.replace(data, pixels=np.where(blunder[..., None], np.nan, data.pixels))
+
+
+def displaced(
+    data: BankData, sizes: CalibrationSizes, draw: int | None = None, term_in_weights: bool = False
+) -> BankData:
+    """The detections as if their cameras were wrong; `data` itself without errors. Blunders are left out.
 
     Args:
-        configurations: views of each, (K, c).
-        model: of R, without the errors.
-        predict: 1/m, terms of the single-frame PSS under a noise model, (K, N), 0 where not observable.
-
-    Returns:
-        Sizes; medians over the configurations of the measured PSS (1/m) and of the pooled RMS (m); Spearman's ρ of the
-        measured PSS with the prediction by `model` ("plain") and by `model` plus the term ("with_term"), and what the
-        term gains, each with a 95 % interval over views and points, all on the same resamples.
+        draw: number of the frozen draw; None for another calibration in each trial.
+        term_in_weights: whether triangulation knows how large the errors are (`passing_covariance`).
     """
-    chosen = np.asarray(configurations)
-    plain = predict(model)
-    chance = Resamples.of_configurations(chosen, len(data.points_m), [camera.name for camera in data.cameras])
-    rows: list[Row] = []
-    for size in sizes:
-        measured = [found.errors for found in measure_all(displaced(data, size), chosen.tolist(), processes=processes)]
-        terms = np.array([errors.inverse_sigma for errors in measured])
-        # Without errors the term is zero, and predictions are the same to the last bit.
-        with_term = plain if size.none else predict(model.plus(CalibrationNoise(size)))
-        before, after = (judge_against(prediction, terms, chance) for prediction in (plain, with_term))
-        row: Row = dataclasses.asdict(size) | {
-            "n": len(chosen),
-            "median_pss": float(np.median(terms.mean(axis=1))),
-            "median_rms_m": float(np.nanmedian([errors.pooled_rms_m for errors in measured])),
-        }
-        for name, judged in (("plain", before), ("with_term", after), ("gain", after.minus(before))):
-            low, high = judged.interval
-            row |= {f"spearman_{name}": judged.estimate, f"spearman_{name}_low": low, f"spearman_{name}_high": high}
-        rows.append(row)
-    return rows
+    if sizes.none:
+        return data
+    pixels = without_blunders(data).pixels - shifts_px(data, sizes, draw)
+    return dataclasses.replace(data, pixels=pixels, covariance=passing_covariance(data, sizes, term_in_weights))
+
+
+def passing_covariance(data: BankData, sizes: CalibrationSizes, term_in_weights: bool) -> Floats:
+    """Covariances with which detections that are off by errors of these sizes are no blunders, px², (V, T, N, 2, 2).
+
+    Triangulation's test for blunders is for detections off by their own noise. With the term in the weights J Σ Jᵀ is
+    added to each detection's own covariance (J at the true points; at the estimated ones it differs by the error over
+    the distance). Without it all are multiplied by one number, which leaves the estimates as they are.
+    """
+    added = np.zeros((len(data.cameras), len(data.points_m), 2, 2))
+    for view, camera in enumerate(data.cameras):
+        seen = np.flatnonzero(data.detected[view].any(axis=0))
+        if seen.size:
+            of_view = CalibrationNoise(sizes).covariance(Views([camera], data.points_m[seen]))
+            added[view, seen] = of_view.matrix(1, len(seen))[0]
+    added = added[:, None]  # the same in all trials
+    if term_in_weights:
+        return np.asarray(data.covariance + added)
+    own = np.where(data.detected, np.trace(data.covariance, axis1=-2, axis2=-1), np.inf)
+    return np.asarray(data.covariance * (1 + float((np.trace(added, axis1=-2, axis2=-1) / own).max())))

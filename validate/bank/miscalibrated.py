@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
-import numpy as np
 import tyro
-from numpy.typing import NDArray
 from rich.table import Table
 
-from pss import NoiseModel
 from pss.json_text import json_text
+from pss.views import Views
+from pss.visibility import visible_in
 from render import backend
 from render.view import random_stream
 from scenes import Scene, load_scene
@@ -19,11 +19,10 @@ from scenes.sweep_file import SWEEPS
 from validate.acquire import Acquired
 from validate.bank.design import BankDesign, ViewBank, draw_configurations, held_out_views, training_views
 from validate.bank.miscalibrated_figure import draw
-from validate.bank.predicted import Contender
+from validate.bank.miscalibrated_prediction import Predictions
+from validate.bank.miscalibrated_study import IN_WEIGHTS, OWN, study
 from validate.bank.prepare import acquire_banks, calibrate, enough
-from validate.bank.study import appearance_of, data_of, noise_models, predictions, visibilities
-from validate.bank.verdict import single_frame_terms
-from validate.calibration_error import study
+from validate.bank.study import appearance_of, data_of, noise_models, visibilities
 from validate.console import Console
 from validate.exit_codes import EXIT_DONE, EXIT_FAILED
 from validate.program import program_name
@@ -38,9 +37,11 @@ __all__ = ["main", "run", "without_effect"]
 # What the project's scenes list; nothing is expected of it here.
 USUAL_MODELS = ("as-printed", "corrected", "physical")
 
-Floats = NDArray[np.float64]
+Row = dict[str, object]
 
 CAMERAS = 4
+# Columns of sizes, and what they are multiplied by to be degrees, % and mm.
+SCALES = (("pan_tilt_deg", 1), ("focal_share", 100), ("position_m", 1000))
 # Columns of the table, on every terminal.
 WIDTH = 140
 
@@ -122,29 +123,36 @@ def _rank(
     data = data_of(bank, acquired, seed)
     rng = random_stream(seed, bank.scene.path.name, "calibration error")
     drawn = draw_configurations([camera.name for camera in bank.cameras], CAMERAS, configurations, rng)
-    tests = visibilities(loaded, calibration)["fitted limits"]
-
-    def predict(model: NoiseModel) -> Floats:
-        found = predictions(bank, [Contender("asked", model, tests)], drawn, appearance_of(loaded, acquired))
-        return np.array([single_frame_terms(of_all["asked"]) for of_all in found])
-
-    model = noise_models(loaded, calibration)[-1]
-    rows = study(data, drawn, model, predict)
+    (model,) = (model for model in noise_models(loaded, calibration) if model.name == calibration.name)
+    views = Views(list(bank.cameras), data.points_m, loaded.state.normals, appearance_of(loaded, acquired))
+    visible = visible_in(views, loaded.state.occluders, visibilities(loaded, calibration)["fitted limits"])
+    rows = study(data, Predictions(views, visible, model, drawn))
     write_csv(out / "calibration_error.csv", rows)
     draw(out / "figures" / "calibration_error.png", rows)
     table = Table(title=f"Ranking {len(drawn)} configurations of {CAMERAS} cameras with errors of calibration")
-    for name in ("pan, tilt in °", "focal length", "place in m", "RMS in mm", "ρ of PSS", "with a term for it"):
+    for name in ("°, %, mm", "kind", "judged", "RMS in mm", "ρ of PSS", "with a term in R", "… and in the weights"):
         table.add_column(name)
-    for row in rows:
+    for row, in_weights in beside(rows):
+        sizes = (scale * float(str(row[key])) for key, scale in SCALES)
         table.add_row(
-            *(f"{float(str(row[key])):g}" for key in ("pan_tilt_deg", "focal_share", "position_m")),
+            ", ".join(f"{size:g}" for size in sizes),
+            str(row["kind"]),
+            str(row["judged"]),
             f"{1000 * float(str(row['median_rms_m'])):.2f}",
             *(_interval(row, name) for name in ("spearman_plain", "spearman_with_term")),
+            _interval(in_weights, "spearman_with_term") if in_weights else "",
         )
     console.print(table)
 
 
-def _interval(row: dict[str, object], name: str) -> str:
+def beside(rows: Sequence[Row]) -> list[tuple[Row, Row | None]]:
+    """Each row without the term in the weights, and the one beside it that has it (None without errors)."""
+    keys = (*(key for key, _ in SCALES), "kind", "judged")
+    others = {tuple(row[key] for key in keys): row for row in rows if row["weights"] == IN_WEIGHTS}
+    return [(row, others.get(tuple(row[key] for key in keys))) for row in rows if row["weights"] == OWN]
+
+
+def _interval(row: Row, name: str) -> str:
     value, low, high = (float(str(row[key])) for key in (name, f"{name}_low", f"{name}_high"))
     return f"{value:.2f} [{low:.2f}, {high:.2f}]"
 
