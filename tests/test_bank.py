@@ -16,6 +16,7 @@ from tests.conftest import ROOM_FILE
 from validate import run_sweep
 from validate.bank.consistency import anisotropy, crossed_mean, of_errors, sandwich
 from validate.bank.design import BankDesign, detection_views, draw_configurations, held_out_views, training_views
+from validate.bank.differences import METRICS_OF_R, difference_rows
 from validate.bank.measured import BankData, measure_all
 from validate.bank.phase import LARGEST_TURN_PX, carried_back, joined, turned
 from validate.bank.predicted import Contender, GivenCovariance, PredictionTask, predict_all
@@ -357,6 +358,46 @@ def test_intervals_cover_the_truth():
     low, high = judged.interval
     assert (0.5 - low, high - 0.5) == (pytest.approx(0.392, abs=0.02), pytest.approx(0.392, abs=0.02))
     assert float(weighted_spearman(np.arange(5.0), np.arange(5.0))) == pytest.approx(1)
+
+
+def test_differences_are_those_of_the_leaderboard(small):
+    """ρ of one contender less that of another, and its interval from resamples that both share."""
+    bank, data, sigma = small
+    table = np.broadcast_to((sigma**2)[:, None, None, None] * np.eye(2), (len(sigma), len(data.points_m), 2, 2))
+    true = NoiseModel("true", (GivenCovariance(bank.cameras, table),))
+    contenders = [Contender("true", true), Contender("identity", noise_model("identity")), Contender("twin", true)]
+    state = bank.scene.state
+    asked = {c.name: ("visible-share", "visibility-count") for c in contenders}
+    task = PredictionTask(
+        bank.cameras, state.points_m, state.normals, state.occluders, None, data.process, tuple(contenders), asked
+    )
+    chosen = draw_configurations([c.name for c in bank.cameras], 4, 40, np.random.default_rng(7))
+    names = [camera.name for camera in bank.cameras]
+    measured = measure_all(data, chosen.tolist(), processes=1)
+    verdict = CountVerdict(4, chosen, measured, predict_all(task, chosen, 1), names)
+    pairs = [(c.name, metric) for c in contenders for metric in (*METRICS_OF_R, "visible-share", "visibility-count")]
+    board = leaderboard(verdict, pairs)
+    rows = difference_rows(verdict, [c.name for c in contenders], ["identity"])
+    assert len(rows) == len({row["yardstick"] for row in board}) * len(METRICS_OF_R) * 2
+    for row in rows:
+        one, other = (
+            next(
+                r["spearman"]
+                for r in board
+                if (r["noise_model"], r["metric"], r["yardstick"]) == (name, row["metric"], row["yardstick"])
+            )
+            for name in (row["noise_model"], row["minus"])
+        )
+        assert row["spearman_difference"] == pytest.approx(one - other, abs=ROUNDING)
+    single = {
+        (row["noise_model"], row["minus"]): row
+        for row in difference_rows(verdict, [c.name for c in contenders], ["true", "identity"])
+        if (row["metric"], row["yardstick"]) == ("pss-single-frame", "measured_pss_single_frame")
+    }
+    assert single["true", "identity"]["spearman_difference_ci_low"] > 0
+    twin = single["twin", "true"]
+    for column in ("spearman_difference", "spearman_difference_ci_low", "spearman_difference_ci_high"):
+        assert twin[column] == pytest.approx(0, abs=ROUNDING)
 
 
 # ---- the open constants ----------------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from pss.json_text import json_text
 from render import backend
 from render.sampling import Sampling
 from scenes import Scene, SweepFile, known_sweeps
-from validate import claims, compare, figures, measurement, slopes, summary, tables, trends
+from validate import claims, compare, figures, measurement, scales, slopes, summary, tables, trends
 from validate.acquire import Acquired, Acquisition, acquire, with_whole_views
 from validate.dry_run import announce, exposures_assumed
 from validate.errors3d import FEWEST_TRIALS
@@ -231,6 +231,7 @@ def _write(
     tables.write_csv(folder / "detection.csv", tables.detection_rows(whole))
     tables.write_csv(folder / "correlation.csv", [r for result in whole for r in compare.correlation_rows(result)])
     tables.write_csv(folder / "claims.csv", [r for result in whole for r in claims.claim_rows(result)])
+    tables.write_csv(folder / "scale.csv", [r for result in whole for r in scales.scale_rows(result)])
     tables.write_csv(folder / "optima.csv", [r for result in whole for r in trends.optimum_rows(result)])
     tables.write_csv(folder / "measurement.csv", [r for result in whole for r in measurement.measurement_rows(result)])
     tables.write_csv(folder / "slopes.csv", [r for result in whole for r in slopes.slope_rows(result)])

@@ -21,13 +21,15 @@ from scenes.sweep_file import SWEEPS
 from validate.acquire import Acquired
 from validate.bank.ceilings import oracle_rows, parts_rows
 from validate.bank.design import BankDesign, ViewBank, detection_views, held_out_views, training_views
+from validate.bank.differences import difference_rows
 from validate.bank.filtered import filter_all
 from validate.bank.frozen import FrozenCalibration, leave, provenance_of, read_frozen
 from validate.bank.levels import blunder_row, consistency_rows, detection_rows, pixel_rows
 from validate.bank.prepare import acquire_banks, calibrate, enough
 from validate.bank.process_noise import process_levels, process_rows
-from validate.bank.sensitivity import sensitivity_rows
+from validate.bank.sensitivity import scale_rows, sensitivity_rows
 from validate.bank.study import (
+    BASES,
     FREE_MODELS,
     asked_pairs,
     check_models,
@@ -255,7 +257,7 @@ def judge(
     data = data_of(bank, acquired, seed)
     models, contenders = noise_models(bank.scene, calibration), scene_contenders(bank.scene, calibration)
     rows: dict[str, list[Row]] = {"leaderboard": [], "ceiling": [], "consistency": [], "detection": [], "parts": []}
-    rows |= {"sensitivity": [], "blunders": []}
+    rows |= {"sensitivity": [], "blunders": [], "differences": [], "scale": []}
     rows["consistency"] += pixel_rows(bank, data, acquired, models)
     for count in counts:
         tell(f"{bank.scene.path.stem}: judging {configurations} configurations of {count} cameras")
@@ -272,6 +274,10 @@ def judge(
             visible = visibilities(bank.scene, calibration)
             rows["detection"] += detection_rows(bank, data, verdict, visible, acquired)
             rows["sensitivity"] += sensitivity_rows(bank, data, verdict, visible["points"], acquired)
+            names = [contender.name for contender in contenders]
+            rows["differences"] += difference_rows(verdict, names, [base for base in BASES if base in names])
+            of_open_unit = [model for model in models if model.name in calibration.scales]
+            rows["scale"] += scale_rows(bank, verdict, of_open_unit, calibration.scales, acquired)
             rows["parts"] += parts_rows(bank, data, verdict, models, visible, acquired)
     # The pixel level has fewer columns; every row of a file has all of them.
     columns = list(dict.fromkeys(key for row in rows["consistency"] for key in row))

@@ -1,12 +1,17 @@
-"""How much the ranking depends on what the paper leaves open: the constants of Eqs. 11 to 13, and each factor alone."""
+"""How much the ranking depends on what the paper leaves open: constants of Eqs. 11 to 13, each factor alone, the unit.
+
+The unit of R matters to the filter alone: a whole R times s multiplies each single-frame C by s, which changes no rank,
+but P∞ weighs R against the process noise.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import dataclasses
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from pss import noise_model
+from pss import NoiseModel, noise_model
 from pss.visibility import VisibilityTest
 from scenes import Scene
 from validate.acquire import Acquired
@@ -15,9 +20,10 @@ from validate.bank.measured import BankData
 from validate.bank.predicted import Contender
 from validate.bank.ranking import judge_against, with_interval
 from validate.bank.study import appearance_of, predictions
-from validate.bank.verdict import CountVerdict, single_frame_terms
+from validate.bank.verdict import CountVerdict, single_frame_terms, yardsticks
+from validate.scales import scaled
 
-__all__ = ["sensitivity_rows", "variants"]
+__all__ = ["scale_rows", "sensitivity_rows", "variants"]
 
 Row = dict[str, object]
 
@@ -25,6 +31,8 @@ Row = dict[str, object]
 BAND = (0.1, 1.0, 10.0)
 OF_THE_PAPER = ("as-printed", "corrected")
 FACTORS = ("distance", "incidence", "resolution", "defocus")
+# Of a whole R: from m² that are read as px² to pixel errors of a thousandth.
+SCALES = (1.0, 1e-2, 1e-4, 1e-6)
 
 
 def variants(scene: Scene, tests: Sequence[VisibilityTest]) -> list[tuple[Row, Contender]]:
@@ -66,6 +74,39 @@ def sensitivity_rows(
                 judge_against(
                     np.array([single_frame_terms(of_all[contender.name]) for of_all in found_by_all]), measured, chance
                 ),
+            ),
+        }
+        for row, contender in named
+    ]
+
+
+def scale_rows(
+    bank: ViewBank, verdict: CountVerdict, models: Sequence[NoiseModel], scales: Mapping[str, float], acquired: Acquired
+) -> list[Row]:
+    """Spearman of the paper's PSS with that measured by the filter, for each of `models` times `SCALES` and its own.
+
+    Args:
+        models: R_k as they are.
+        scales: by the name of a model, the scale that fits the training views (a calibration's).
+    """
+    named: list[tuple[Row, Contender]] = []
+    for model in models:
+        for fitted, times in (*(("no", times) for times in SCALES), ("yes", scales[model.name])):
+            label = f"{model.name} × {times!r}"
+            row: Row = {"noise_model": model.name, "times": times, "fitted": fitted}
+            named.append((row, Contender(label, scaled(model, times, label), bank.scene.visibility)))
+    contenders = [contender for _, contender in named]
+    found_by_all = predictions(bank, contenders, verdict.configurations, appearance_of(bank.scene, acquired))
+    own = dataclasses.replace(verdict, predicted=found_by_all)
+    (measured,) = (y for y in yardsticks(verdict.measured) if y.name == "measured_pss_filter")
+    return [
+        {
+            "cameras": verdict.cameras,
+            "metric": "pss",
+            "yardstick": measured.name,
+            **row,
+            **with_interval(
+                "spearman", judge_against(own.terms(contender.name, "pss"), measured.values, verdict.chance)
             ),
         }
         for row, contender in named

@@ -30,8 +30,10 @@ from validate.calibrate import (
     pixel_moments,
 )
 from validate.calibrate_limits import FittedLimits, fit_limits
+from validate.scales import scaled
 
 __all__ = [
+    "BASES",
     "CALIBRATED_LIMITS",
     "CALIBRATED_R",
     "FREE_MODELS",
@@ -70,6 +72,9 @@ OF_FULL_MODEL = ("pss", "pss-single-frame", "visibility-count", "visible-share")
 CALIBRATED_R, PHYSICAL_WHOLE = "calibrated R", "physical, whole markers"
 # The models whose unit is open, times one scalar fitted on the training views.
 SCALED = {name: f"{name}, scaled" for name in SCALED_MODELS}
+# What every contender is compared with, pairwise: no R at all, the same in the unit that fits, the one that fits
+# nothing, and the one that all metrics are judged under.
+BASES = ("identity", SCALED["identity"], "physical", CALIBRATED_LIMITS)
 
 
 def data_of(bank: ViewBank, acquired: Acquired, seed: int) -> BankData:
@@ -118,13 +123,10 @@ def noise_models(scene: Scene, calibration: Calibration) -> list[NoiseModel]:
     """
     # Under the names that the tables have, which a model without some of its factors would extend.
     free = {name: dataclasses.replace(scene.noise_model(name), name=name) for name in FREE_MODELS}
-    scaled = [
-        free[name].weighted({factor.name: scale for factor in free[name].factors}, SCALED[name])
-        for name, scale in calibration.scales.items()
-    ]
+    in_unit = [scaled(free[name], scale, SCALED[name]) for name, scale in calibration.scales.items()]
     return [
         *free.values(),
-        *scaled,
+        *in_unit,
         NoiseModel(calibration.name, calibration.factors(scene.sensor, scene.sensor.ccd_noise)),
     ]
 

@@ -1,0 +1,44 @@
+"""How much better does one R rank than another? Paired differences of ρ, on the resamples that both are judged on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from validate.bank.ranking import Ranked, with_interval
+from validate.bank.verdict import CountVerdict, yardsticks
+
+__all__ = ["METRICS_OF_R", "difference_rows"]
+
+Row = dict[str, object]
+
+# The paper's metric, of the filter and of one frame.
+METRICS_OF_R = ("pss", "pss-single-frame")
+
+
+def difference_rows(verdict: CountVerdict, contenders: Sequence[str], bases: Sequence[str]) -> list[Row]:
+    """A row for each contender less each of `bases`, by both kinds of PSS and each yardstick: the difference of ρ."""
+    ranked = {
+        (metric, name): Ranked.of(verdict.terms(name, metric), verdict.chance)
+        for metric in METRICS_OF_R
+        for name in contenders
+    }
+    rows: list[Row] = []
+    for yardstick in yardsticks(verdict.measured):
+        measured, sign = Ranked.of(yardstick.values, verdict.chance), 1 if yardstick.higher_is_better else -1
+        judged = {pair: found.against(measured, sign) for pair, found in ranked.items()}
+        rows += [
+            {
+                "cameras": verdict.cameras,
+                "yardstick": yardstick.name,
+                "metric": metric,
+                "noise_model": name,
+                "minus": base,
+                "n": len(verdict.configurations),
+                **with_interval("spearman_difference", judged[metric, name].minus(judged[metric, base])),
+            }
+            for metric in METRICS_OF_R
+            for name in contenders
+            for base in bases
+            if name != base
+        ]
+    return rows
