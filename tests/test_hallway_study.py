@@ -11,6 +11,7 @@ import itertools
 
 import numpy as np
 import pytest
+import scipy.stats
 
 from pss import Appearance, RangeError
 from pss.legibility import TARGET_VISIBILITY
@@ -23,7 +24,7 @@ from scenes.schedule_file import SURROGATES, load_schedule
 from validate.acquire import Acquired
 from validate.bank.study import PHYSICAL_WHOLE
 from validate.hallway import command
-from validate.hallway.agreement import ALL_RUNS, agreement_rows, circular_blocks
+from validate.hallway.agreement import ALL_RUNS, agreement_rows
 from validate.hallway.claims import claim_rows
 from validate.hallway.command import own_strategy
 from validate.hallway.own_cameras import own_cameras
@@ -192,6 +193,9 @@ def test_the_claims_of_the_paper_are_answered_from_both_sides(both, held, acquir
         assert row["holds"] in ("yes", "no", "not asked")
         if row["holds"] != "not asked":
             assert row["ci_low"] <= row["value"] <= row["ci_high"]
+            if str(row["figure"]).startswith("mean PSS"):
+                assert row["of_counts"] * row["per_marker"] == pytest.approx(row["value"])
+                assert row["per_marker_ci_low"] <= row["per_marker"] <= row["per_marker_ci_high"]
     never = [row for row in rows if row["holds"] == "not asked"]
     assert {row["figure"][:2] for row in never} == {"x8"}
     # The limit that binds: the same answer on both sides.
@@ -234,8 +238,9 @@ def test_ranking_by_prediction_and_by_yardsticks(both):
     assert names == [
         "measured PSS, filter",
         "measured PSS, single frame",
-        *(f"share under {mm} mm" for mm in (0.05, 0.1, 1, 2, 5, 10)),
+        *(f"share under {mm} mm" for mm in (0.02, 0.05, 0.1, 0.2, 1, 2, 5, 10)),
         "median RMS",
+        "share triangulated",
     ]
 
 
@@ -246,6 +251,7 @@ def test_a_yardstick_is_the_plain_figure(both):
     found = {yardstick.name: yardstick.values for yardstick in yardsticks(both)}
     np.testing.assert_allclose(found["share under 1 mm"], (distance < 1e-3).mean(axis=(1, 2, 3)))
     rms = np.sqrt((distance**2).mean(axis=2))
+    np.testing.assert_allclose(found["share triangulated"], np.isfinite(distance).mean(axis=(1, 2, 3)))
     np.testing.assert_allclose(found["median RMS"], np.median(np.where(np.isnan(rms), np.inf, rms), axis=(1, 2)))
 
 
@@ -338,13 +344,25 @@ def test_any_surrogate_can_be_asked_for(surrogate):
 LIMITS = {"smallest_module_px": 1.5, "largest_blur_modules": 2.0}
 
 
-def test_blocks_go_round():
-    blocks = circular_blocks(21, 50, np.random.default_rng(0))
-    assert blocks.shape == (50, 21)
-    assert blocks.min() >= 0
-    assert blocks.max() <= 20
-    together = np.diff(blocks[:, :3], axis=1) % 21
-    assert (together == 1).all()
+def test_rho_stands_beside_that_of_a_count(both):
+    """Columns of the count, by SciPy on shares that are counted here; the difference is that of the two columns."""
+    runs = [number for number, run in enumerate(both.held.design.runs) if run.zoom_limit is None]
+    cells = [run * both.shape[1] + step for run in runs for step in range(both.shape[1])]
+    of = [both.assessments[cell] for cell in cells]
+    seen = [a.predicted[PHYSICAL_WHOLE].observable.sum() for a in of]
+    triangulated = [a.measured.errors.detected.mean() for a in of]
+    measured = [a.measured.errors.pss() for a in of]
+    (row,) = (
+        row
+        for row in agreement_rows(both)
+        if (row["strategy"], row["zoom_limit"], row["noise_model"], row["kind"])
+        == (ALL_RUNS, "none", PHYSICAL_WHOLE, "single frame")
+    )
+    assert row["visible_share_spearman"] == pytest.approx(scipy.stats.spearmanr(seen, measured).statistic)
+    assert row["triangulated_share_spearman"] == pytest.approx(scipy.stats.spearmanr(triangulated, measured).statistic)
+    assert row["minus_visible_share"] == pytest.approx(row["spearman"] - row["visible_share_spearman"])
+    for name in ("spearman", "median_abs_log_ratio", "visible_share_spearman", "minus_visible_share"):
+        assert row[f"{name}_ci_low"] <= row[name] <= row[f"{name}_ci_high"]
 
 
 # ---- what a user can get wrong ---------------------------------------------------------------------------------------

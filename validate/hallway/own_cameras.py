@@ -24,11 +24,25 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class OwnCameras:
-    """1/σ of every marker from the cameras that are assigned to its avatar, 1/m, (K, N), by noise model ("" for what
-    is measured) and kind; and the same resampled, 1/m, (B, K), as PSS."""
+    """What each avatar's own cameras say of it, by noise model ("" for what is measured) and kind.
+
+    Attributes:
+        inverse_sigma: 1/m, 1/σ of every marker from the cameras that are assigned to its avatar, (K, N).
+        samples: 1/m, PSS, the mean of the same, resampled, (B, K).
+        found: share of frames in which those cameras find the marker, (K, N); predicted 0 or 1.
+        point_weights: of the resamples, (B, N).
+    """
 
     inverse_sigma: dict[tuple[str, str], Floats]
     samples: dict[tuple[str, str], Floats]
+    found: dict[tuple[str, str], Floats]
+    point_weights: Floats
+
+    def counts(self, key: tuple[str, str]) -> Curves:
+        """The share of markers in PSS, (1, K)."""
+        model, kind = key
+        values, samples = self.found[key].mean(axis=1), self.point_weights @ self.found[key].T
+        return Curves("predicted" if model else "measured", model, kind, values[None], samples[:, None])
 
     def curves(self, key: tuple[str, str]) -> Curves:
         """PSS of the one run, (1, K)."""
@@ -51,6 +65,7 @@ def own_cameras(
     steps = len(design.scenes)
     keys = [(model, kind) for model in ("", *MODELS) for kind in KINDS]
     inverse = {key: np.zeros((steps, len(both))) for key in keys}
+    rates = {key: np.zeros((steps, len(both))) for key in keys}
     errors = []
     for step, scene in enumerate(design.scenes):
         state, steered = scene.state, design.runs[run].steered
@@ -66,6 +81,8 @@ def own_cameras(
                 (said,) = predicted_at(scene, [tuple(cameras)], contender, look, markers)
                 inverse[contender.name, "filter"][step, markers] = np.nan_to_num(1 / said.sigma_m)
                 inverse[contender.name, "single frame"][step, markers] = np.nan_to_num(1 / said.single_frame_sigma_m)
+                for kind in KINDS:
+                    rates[contender.name, kind][step, markers] = said.observable
             wanted = [design.views[run][step][c] for c in mine]
             rng = random_stream(
                 design.schedule.said.seed, "+".join(item.request.content for item in wanted), "filter of own cameras"
@@ -74,6 +91,8 @@ def own_cameras(
             together[:, markers] = found.errors.errors_m[:, markers]
             rate = found.errors.detection_rate
             inverse["", "filter"][step, markers] = measured_inverse_sigma(found.filter_sigma_m, rate)[markers]
+            for kind in KINDS:
+                rates["", kind][step, markers] = rate[markers]
         errors.append(MeasuredErrors(together[:, both]))
     inverse = {key: values[:, both] for key, values in inverse.items()}
     inverse["", "single frame"] = np.array([e.inverse_sigma for e in errors])
@@ -83,4 +102,4 @@ def own_cameras(
     rng = random_stream(design.schedule.said.seed, result.avatar, "schedule intervals")
     replicates = sweep_replicates(errors, inverse[MODELS[0], "single frame"], rng, len(weights))
     samples["", "single frame"] = replicates.measured_pss
-    return OwnCameras(inverse, samples)
+    return OwnCameras(inverse, samples, {key: values[:, both] for key, values in rates.items()}, weights)

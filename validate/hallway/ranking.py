@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 Row = dict[str, object]
 
 # Below a sweep's thresholds: the errors of these markers are tenths and hundredths of a millimetre.
-FINE_MM = (0.05, 0.1)
+FINE_MM = (0.02, 0.05, 0.1, 0.2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class Yardstick:
 
 
 def yardsticks(result: ScheduleResult) -> list[Yardstick]:
-    """Measured PSS of both kinds, shares of all markers under some millimetres, and the median RMS over all markers."""
+    """Measured PSS of every kind, shares of all markers under some millimetres, the median RMS, and what is counted."""
     replicates = result.replicates[MODELS[0]]
     runs, steps = result.shape
     found = [_mean_over_steps(f"measured PSS, {kind}", result, "", kind) for kind in KINDS]
@@ -54,7 +54,14 @@ def yardsticks(result: ScheduleResult) -> list[Yardstick]:
     weights = np.tile(replicates.point_weights, (1, steps))
     medians = np.array([_weighted_medians(of_run, weights) for of_run in rms]).T
     found.append(Yardstick("median RMS", np.median(rms, axis=1), medians, False))
+    found.append(_mean_share("share triangulated", result, "", "single frame"))
     return found
+
+
+def _mean_share(name: str, result: ScheduleResult, model: str, kind: str) -> Yardstick:
+    """The share of markers in PSS, over the whole walk."""
+    counts = result.counts[model, kind]
+    return Yardstick(name, counts.values.mean(axis=1), counts.samples.mean(axis=2), True)
 
 
 def _mean_over_steps(name: str, result: ScheduleResult, model: str, kind: str) -> Yardstick:
@@ -71,13 +78,14 @@ def _weighted_medians(values: Floats, weights: Floats) -> Floats:
 
 
 def strategy_rows(result: ScheduleResult) -> list[Row]:
-    """A row for each run and figure: predicted PSS by each model and kind, and each yardstick, with its rank.
+    """A row for each run and figure, with its rank: predicted PSS and share by each model, and each yardstick.
 
     Ranks are among the strategies of the same zoom limit, 1 being the best.
     """
     figures = [
         (model, _mean_over_steps(f"predicted PSS, {kind}", result, model, kind)) for model in MODELS for kind in KINDS
     ]
+    figures += [(model, _mean_share("predicted share seen", result, model, "filter")) for model in MODELS]
     figures += [("", yardstick) for yardstick in yardsticks(result)]
     rows: list[Row] = []
     for limit, members in _by_limit(result).items():
@@ -106,13 +114,17 @@ def strategy_rows(result: ScheduleResult) -> list[Row]:
 
 
 def ranking_rows(result: ScheduleResult) -> list[Row]:
-    """A row for each model, kind and yardstick: Spearman's ρ over the strategies, and the regret of the chosen one."""
+    """A row for each model, kind and yardstick: Spearman's ρ over the strategies, and the regret of the chosen one.
+
+    Columns `visible_share_…` have the same of a choice by the share of markers that the model expects to be seen.
+    """
     rows: list[Row] = []
     measured = yardsticks(result)
     for limit, members in _by_limit(result).items():
         for model in MODELS:
             for kind in KINDS:
                 predicted = _mean_over_steps("", result, model, kind)
+                counted = _mean_share("", result, model, kind)
                 for yardstick in measured:
                     rows.append(
                         {
@@ -122,9 +134,16 @@ def ranking_rows(result: ScheduleResult) -> list[Row]:
                             "kind": kind,
                             "yardstick": yardstick.name,
                             **_agreement(result, members, predicted, yardstick),
+                            **_by_count(_agreement(result, members, counted, yardstick)),
                         }
                     )
     return rows
+
+
+def _by_count(row: Row) -> Row:
+    """The columns of a choice by the count that are not those of the yardstick."""
+    of_choice = ("spearman", "spearman_ci_low", "spearman_ci_high", "chosen", "regret")
+    return {f"visible_share_{name}": row[name] for name in of_choice}
 
 
 def _agreement(result: ScheduleResult, members: list[int], predicted: Yardstick, yardstick: Yardstick) -> Row:

@@ -39,6 +39,8 @@ class Curves:
         side: "predicted" or "measured".
         noise_model: "" for what is measured.
         kind: one of `KINDS`.
+
+    The same for shares of the markers, without a unit, where `ScheduleResult.counts` has them.
     """
 
     side: str
@@ -90,6 +92,26 @@ class ScheduleResult(SweepResult):
                 inverse = np.array([_inverse_filter_sigma(a) for a in self.assessments])
                 samples = weights @ inverse.T
             found["", kind] = self._curves("measured", "", kind, self.measured_pss(single), samples)
+        return found
+
+    @cached_property
+    def counts(self) -> dict[tuple[str, str], Curves]:
+        """What PSS would be if all markers that count had σ = 1, by the keys of `curves`.
+
+        Predicted, the share of markers that are observable; measured, the share that is triangulated, in the mean over
+        the trials. Resampled as the curves beside them, so that a ratio of the two is PSS of the markers that count.
+        """
+        replicates = self.replicates[MODELS[0]]
+        weights, found = replicates.point_weights, {}
+        detected = np.array([a.measured.errors.detected for a in self.assessments], dtype=float)
+        rates = np.array([a.measured.errors.detection_rate for a in self.assessments])
+        by_trials = np.einsum("bt,stn,bn->bs", replicates.trial_weights, detected, weights, optimize=True)
+        for kind in KINDS:
+            for model in MODELS:
+                share = np.array([a.predicted[model].observable for a in self.assessments], dtype=float)
+                found[model, kind] = self._curves("predicted", model, kind, share.mean(axis=1), weights @ share.T)
+            samples = by_trials if kind == "single frame" else weights @ rates.T
+            found["", kind] = self._curves("measured", "", kind, rates.mean(axis=1), samples)
         return found
 
     def _curves(self, side: str, model: str, kind: str, values: Floats, samples: Floats) -> Curves:

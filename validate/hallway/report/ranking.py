@@ -96,8 +96,9 @@ def agreement_figure(table: ScheduleTable) -> Figure:
         "How well PSS follows, strategy by strategy",
         "Spearman’s ρ between predicted and measured PSS over the steps of the walk (1 is the same order, 0 none), or "
         "the median size of the logarithm of their ratio (0 is the same, 0.69 a factor of 2). Bars are 95 % intervals "
-        "of resampled blocks of steps. One strategy has a step for each place of the walk, “all” has those of all "
-        "strategies. The ratio has no meaning with the paper’s two readings of R, which mix units.",
+        "over the steps, which are few and alike from one to the next. One strategy has a step for each place of the "
+        "walk, “all” has those of all strategies. The ratio has no meaning with the paper’s two readings of R, which "
+        "mix units.",
         "Dots with intervals: how well each noise model’s PSS follows the measured one, for each strategy.",
         traces,
         layout(

@@ -20,8 +20,8 @@ __all__ = ["cards", "claims_in_brief", "ranking_rows", "remarks", "verdict_rows"
 WITHOUT_SIZE = ("as-printed", "corrected")
 STEADY = "People are held still at each step: prediction and measurement are those of a local steady state."
 INTERVALS = (
-    "Intervals of the verdict come from resampled blocks of steps, those of PSS and ranks from resampled trials and "
-    "markers. They say nothing of other hallways, walks or cameras."
+    "Intervals of the verdict are over steps, which are few and alike from one to the next; those of PSS and ranks "
+    "come from resampled trials and markers. They say nothing of other hallways, walks or cameras."
 )
 
 
