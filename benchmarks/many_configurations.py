@@ -27,9 +27,10 @@ from scenes import load_scene
 from validate.bank.design import BankDesign, ViewBank, draw_configurations, held_out_views
 from validate.bank.measured import BankData, measure_all
 from validate.bank.predicted import Contender
+from validate.bank.ranking import judge_against
 from validate.bank.study import predictions
 from validate.bank.verdict import single_frame_terms
-from validate.intervals import crossed_spearman
+from validate.crossed import Resamples
 
 Floats = NDArray[np.float64]
 
@@ -70,8 +71,9 @@ def judged(bank: ViewBank, data: BankData, number: int) -> tuple[int, tuple[floa
         block = chosen[start : start + BLOCK]
         measured += [found.errors.inverse_sigma for found in measure_all(data, block.tolist())]
         predicted += [single_frame_terms(found[MODEL]) for found in predictions(bank, [contender], block, None)]
-    rng = np.random.default_rng(SEED)
-    return len(chosen), crossed_spearman(np.array(predicted), np.array(measured), chosen, rng)
+    resamples = Resamples.of_configurations(chosen, len(data.points_m), names)
+    rho = judge_against(np.array(predicted), np.array(measured), resamples)
+    return len(chosen), (rho.estimate, *rho.interval)
 
 
 def one(number: int) -> None:

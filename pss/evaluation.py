@@ -145,6 +145,16 @@ class Evaluation:
         return sigma
 
     @property
+    def inverse_sigma(self) -> Floats:
+        """1/m, (N,), what each point adds to the mean of Eq. 10; 0 where it is not observable."""
+        return np.nan_to_num(1 / self.sigma_m)
+
+    @property
+    def single_frame_inverse_sigma(self) -> Floats:
+        """1/m, (N,), the same with √λmax of C in place of σ∞."""
+        return np.nan_to_num(1 / self.single_frame_sigma_m)
+
+    @property
     def pss(self) -> float:
         """1/m, Eq. 10."""
         return mean_inverse_sigma(self.sigma_m)

@@ -11,7 +11,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from pss.camera import PTZCamera
 from pss.errors import RangeError
@@ -22,6 +23,7 @@ __all__ = ["ENTRY_POINTS", "Metric", "MetricTable"]
 
 ENTRY_POINTS = "pss.metrics"
 
+Floats = NDArray[np.float64]
 Status = Literal["paper", "read", "checked", "after", "ours"]
 STATUS_MEANING: dict[Status, str] = {
     "paper": "a formula of the paper that this project tests",
@@ -43,6 +45,7 @@ class Metric:
         reference: where the formula comes from.
         status: what is known of the formula, a key of `STATUS_MEANING`.
         unobservable: how it counts points that are not observable.
+        terms: of a score that is a mean over the points, what each of them adds, (N,); else None.
     """
 
     name: str
@@ -51,6 +54,25 @@ class Metric:
     reference: str
     status: Status = "ours"
     unobservable: str = ""
+    terms: Callable[[Evaluation], Floats] | None = None
+
+    @classmethod
+    def over_points(
+        cls,
+        name: str,
+        terms: Callable[[Evaluation], Floats],
+        higher_is_better: bool,
+        reference: str,
+        status: Status = "ours",
+        unobservable: str = "",
+    ) -> Metric:
+        """A metric that is the mean over the points of `terms`, (N,)."""
+
+        def mean(evaluation: Evaluation) -> float:
+            found = terms(evaluation)
+            return float(found.mean()) if len(found) else float("nan")
+
+        return cls(name, mean, higher_is_better, reference, status, unobservable, terms)
 
     def __call__(self, cameras: Sequence[PTZCamera], points_m: ArrayLike, normals: ArrayLike, **models: Any) -> float:
         """The number, from the inputs of `pss.evaluate`."""

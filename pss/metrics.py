@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pss.evaluation import Evaluation
 from pss.metric_table import Metric, MetricTable
@@ -10,12 +11,15 @@ from pss.rivals import RIVALS
 
 __all__ = ["CAMERAS_TO_OBSERVE", "METRICS"]
 
+Floats = NDArray[np.float64]
+
 # The paper's definition of an observable point: c ≥ 2 cameras see it (section 3.2).
 CAMERAS_TO_OBSERVE = 2
 
 
-def _visible_share(evaluation: Evaluation) -> float:
-    return float((evaluation.visible.sum(axis=0) >= CAMERAS_TO_OBSERVE).mean())
+def _visible_twice(evaluation: Evaluation) -> Floats:
+    """Whether two cameras or more see each point, (N,): what `visible-share` is the mean of."""
+    return np.asarray(evaluation.visible.sum(axis=0) >= CAMERAS_TO_OBSERVE, dtype=float)
 
 
 def _worst_sigma(evaluation: Evaluation) -> float:
@@ -26,10 +30,14 @@ def _worst_sigma(evaluation: Evaluation) -> float:
 
 ZERO = "count zero"
 OF_THE_PAPER = (
-    Metric("pss", lambda evaluation: evaluation.pss, True, "Eq. 10", "paper", ZERO),
-    Metric("pss-single-frame", lambda e: e.pss_single_frame, True, "Eq. 10 with C for P∞", "ours", ZERO),
+    Metric.over_points("pss", lambda e: e.inverse_sigma, True, "Eq. 10", "paper", ZERO),
+    Metric.over_points(
+        "pss-single-frame", lambda e: e.single_frame_inverse_sigma, True, "Eq. 10 with C for P∞", "ours", ZERO
+    ),
     Metric("worst-sigma", _worst_sigma, False, "Eq. 9, ∞-norm of section 3.3", "paper", "left out"),
-    Metric("visible-share", _visible_share, True, "share of points that two cameras or more see", "ours", ZERO),
+    Metric.over_points(
+        "visible-share", _visible_twice, True, "share of points that two cameras or more see", "ours", ZERO
+    ),
 )
 
 METRICS = MetricTable((*OF_THE_PAPER, *RIVALS))

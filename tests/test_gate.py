@@ -63,8 +63,8 @@ class Gate:
             predicted,
             self.measured,
             self.configurations,
-            np.random.default_rng(2),
             bound=BOUND,
+            camera_names=self.bank.camera_names,
             label=label,
             level=LEVEL,
         )

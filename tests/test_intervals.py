@@ -7,10 +7,8 @@ import pytest
 import scipy.stats
 
 from pss.errors import RangeError, ShapeError
-from validate import intervals
 from validate.errors3d import MeasuredErrors
 from validate.intervals import (
-    crossed_spearman,
     interval,
     kendall,
     oracle_regret,
@@ -33,8 +31,6 @@ LEAST_COVERAGE = 0.88
 # weakness of the bootstrap for variances of few samples. Allowed is three standard errors less; without trial weights,
 # near 0.
 LEAST_COVERAGE_ONE_VARIANCE = 0.78
-# What the interval that ignores the crossing must stay under, for the crossing to be worth its weights.
-IGNORANT_COVERAGE = 0.75
 WORLDS = 100
 
 
@@ -210,89 +206,6 @@ def test_sweep_shapes_are_told(rng):
         sweep_replicates([errors, MeasuredErrors(np.ones((3, 5, 3)))], np.ones((2, 5)), rng)
 
 
-# --- a bank: views crossed with points
-
-
-def bank(rng, views, points, configurations, cameras):
-    """Predicted and measured 1/σ of a bank: the model errs by view, by point and by both, and its quality varies."""
-    level = rng.normal(size=(views, 1)) * 0.5 + rng.normal(size=(views, points)) * 0.3
-    seen = rng.uniform(size=(views, points)) < 0.8
-    wrong = rng.normal(size=(views, 1)) * 0.3 + rng.normal(size=(1, points)) * 0.3
-    wrong = wrong + rng.normal(size=(views, points)) * 0.3
-    chosen = rng.permuted(np.tile(np.arange(views), (configurations, 1)), axis=1)[:, :cameras]
-    # 1/σ² adds over the cameras.
-    predicted, measured = (
-        np.sqrt(sum((seen * np.exp(information))[chosen[:, c]] for c in range(cameras)))
-        for information in (level, level + wrong)
-    )
-    return predicted, measured, chosen
-
-
-@pytest.fixture(scope="module")
-def coverage():
-    """Coverage of the crossed interval and of one that resamples configurations, and both mean lengths."""
-    rng = np.random.default_rng(31)
-    predicted, measured, _ = bank(rng, 2000, 200, 4000, 3)
-    truth = scipy.stats.spearmanr(predicted.mean(axis=1), measured.mean(axis=1)).statistic
-    crossed, ignorant, estimates = [], [], []
-    for _ in range(WORLDS):
-        predicted, measured, chosen = bank(rng, 30, 40, 120, 3)
-        estimate, *ends = crossed_spearman(predicted, measured, chosen, rng, 200)
-        estimates.append(estimate)
-        crossed.append(ends)
-        weights = rng.multinomial(120, np.full(120, 1 / 120), size=200)
-        ignorant.append(interval(weighted_spearman(predicted.mean(axis=1), measured.mean(axis=1), weights)))
-    crossed, ignorant = np.array(crossed), np.array(ignorant)
-    return {
-        "crossed": ((crossed[:, 0] <= truth) & (truth <= crossed[:, 1])).mean(),
-        "ignorant": ((ignorant[:, 0] <= truth) & (truth <= ignorant[:, 1])).mean(),
-        "length over scatter": (crossed[:, 1] - crossed[:, 0]).mean() / (2 * 1.96 * np.std(estimates)),
-    }
-
-
-def test_crossed_interval_covers_the_true_correlation(coverage):
-    assert coverage["crossed"] >= LEAST_COVERAGE
-
-
-def test_resampling_configurations_would_under_cover(coverage):
-    assert coverage["ignorant"] < IGNORANT_COVERAGE
-
-
-def test_crossed_interval_is_not_needlessly_long(coverage):
-    # What is peculiar to a configuration counts once a camera: somewhat longer than the scatter, never twice.
-    assert 0.8 < coverage["length over scatter"] < 1.6
-
-
-def test_crossed_estimate_is_scipys(rng):
-    predicted, measured, chosen = bank(rng, 12, 20, 40, 2)
-    estimate, low, high = crossed_spearman(predicted, measured, chosen, rng)
-    expected = scipy.stats.spearmanr(predicted.mean(axis=1), measured.mean(axis=1)).statistic
-    assert estimate == pytest.approx(expected, rel=SAME_TO_ROUNDING)
-    assert -1 <= low < estimate < high <= 1
-
-
-def test_crossed_interval_only_knows_views_by_name(rng):
-    predicted, measured, chosen = bank(rng, 12, 20, 40, 2)
-    seeds = [np.random.default_rng(1) for _ in range(2)]
-    named = crossed_spearman(predicted, measured, 7 * chosen + 3, seeds[0])
-    assert named == crossed_spearman(predicted, measured, chosen, seeds[1])
-
-
-def test_crossed_degenerate_inputs(rng):
-    predicted, measured, chosen = bank(rng, 12, 20, 40, 2)
-    assert np.isnan(crossed_spearman(np.ones_like(predicted), measured, chosen, rng)).all()
-    measured[3, 4] = np.nan
-    assert np.isnan(crossed_spearman(predicted, measured, chosen, rng)).all()
-    perfect = crossed_spearman(predicted, predicted**1.0, chosen, rng)
-    assert perfect == pytest.approx((1.0, 1.0, 1.0), rel=SAME_TO_ROUNDING)
-    with pytest.raises(ShapeError, match=r"\(39, 2\)"):
-        crossed_spearman(predicted, predicted, chosen[1:], rng)
-    with pytest.raises(RangeError, match="float64"):
-        crossed_spearman(predicted, predicted, chosen * 1.0, rng)
-    with pytest.raises(RangeError):
-        crossed_spearman(predicted, predicted, chosen - 1, rng)
-
-
 # --- regret
 
 HALF_A, HALF_B = np.array([1.0, 4.0, 2.0]), np.array([1.0, 4.0, 5.0])
@@ -323,15 +236,3 @@ def test_regret_degenerate_inputs():
     assert math.isnan(oracle_regret(np.zeros(3), HALF_B))
     with pytest.raises(ShapeError, match=r"\(2,\)"):
         regret([1, 2], HALF_A, HALF_B)
-
-
-def test_ranking_replicates_in_parts_changes_nothing(monkeypatch):
-    """Many configurations are ranked a part of the replicates at a time: the same numbers, whatever the parts."""
-    rng = np.random.default_rng(8)
-    metric, measured = rng.random((2, 40, 6))
-    views = rng.integers(0, 12, (40, 3))
-    whole = crossed_spearman(metric, metric + measured, views, np.random.default_rng(3))
-    for together in (1, 40 * 7, 40 * 499):
-        monkeypatch.setattr(intervals, "MOST_TOGETHER", together)
-        parts = crossed_spearman(metric, metric + measured, views, np.random.default_rng(3))
-        np.testing.assert_allclose(parts, whole, rtol=SAME_TO_ROUNDING)

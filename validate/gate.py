@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pss.errors import RangeError, ShapeError
-from validate.intervals import crossed_spearman, interval
+from validate.bank.ranking import judge_against
+from validate.crossed import Resamples
+from validate.intervals import interval
 
 __all__ = ["FAMILY_LEVEL", "FEWEST_CONFIGURATIONS", "Claim", "family_level", "format_claims", "judge", "turn_shows"]
 
@@ -52,12 +54,11 @@ def judge(
     metric_points: ArrayLike,
     measured_points: ArrayLike,
     views: Sequence[Sequence[int]],
-    rng: np.random.Generator,
     *,
     bound: float,
     cameras: int | None = None,
+    camera_names: Sequence[str] | None = None,
     label: str = "predicted PSS",
-    replicates: int = 500,
     level: float = FAMILY_LEVEL,
 ) -> list[Claim]:
     """Judge the rank correlation of predicted with measured single-frame PSS within each camera count.
@@ -68,6 +69,7 @@ def judge(
         views: the K configurations' views; their lengths are the camera counts.
         bound: the least Spearman's ρ that the interval's lower end has to reach.
         cameras: judge this count only; every count if None.
+        camera_names: the camera of each view, (V,), whose views share chance; None: a view shares none with another.
         label: what predicts, for the claims' names.
         level: of the interval; `family_level` of the number of claims that are judged together.
 
@@ -90,7 +92,9 @@ def judge(
         figures = (np.nan, np.nan, np.nan)
         if len(chosen) >= FEWEST_CONFIGURATIONS:
             table = np.array([list(views[k]) for k in chosen])
-            figures = crossed_spearman(metric[chosen], measured[chosen], table, rng, replicates, level)
+            resamples = Resamples.of_configurations(table, metric.shape[1], camera_names)
+            rho = judge_against(metric[chosen], measured[chosen], resamples)
+            figures = (rho.estimate, *rho.ends(level))
         name = f"Spearman of {label} with measured PSS, {count} cameras, {len(chosen)} configurations"
         claims.append(Claim(name, *figures, bound, holds=bool(figures[1] >= bound)))
     return claims

@@ -1,10 +1,10 @@
 """Rank statistics over configurations, and intervals that know what the configurations share.
 
 Two configurations with a camera in common, and all configurations at the same point, err together; resampling the
-configurations as if each were new gives intervals far too short. So chance is put where it enters: random weights are
-drawn for trials and points (a sweep, whose steps are fixed) or for views and points (a bank, whose configurations are
-combinations of views), and every configuration takes its weight from those. Source: the Bayesian bootstrap (Rubin 1981)
-with product weights for crossed factors (Owen & Eckles 2012).
+configurations as if each were new gives intervals far too short. So chance is put where it enters: a sweep, whose steps
+are fixed, draws random weights of its trials and points, and every configuration takes its weight from those. Source:
+the Bayesian bootstrap (Rubin 1981) with product weights for crossed factors (Owen & Eckles 2012). A bank, whose
+configurations are combinations of views, leaves out cameras, views and points (`validate.crossed`).
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ from pss.errors import RangeError, ShapeError
 
 __all__ = [
     "FEWEST_RESAMPLED",
-    "crossed_spearman",
     "interval",
     "kendall",
     "mid_ranks",
@@ -34,15 +33,9 @@ LEVEL = 0.95
 # Sums of the same terms in another order differ by roundings; such values must stay tied (a count of visible points has
 # many ties). Relative, far above the rounding of a sum of a few hundred terms.
 TIED = 1e-12
-# Replicates × configurations that are ranked in one go: half a dozen arrays of them, 60 MB.
-MOST_TOGETHER = 10**6
 # Of two trials a resample shows too little of the chance: 95 % intervals of measured PSS covered 44 % in a simulation
 # of 17 points, of three trials 93 % (with a common error of all points 53 % and 78 %).
 FEWEST_RESAMPLED = 3
-# Spread of a view's or point's weight about 1 in a crossed resample. At 1 (the exponential) the product over four views
-# leaves a fifteenth of the configurations' worth, and the interval is wide and pulled down; with a smaller spread the
-# statistic stays linear in the weights, and its deviations are scaled back by 1 / CROSSED_SPREAD.
-CROSSED_SPREAD = 0.5
 
 
 def mid_ranks(values: Floats, weights: Floats) -> Floats:
@@ -159,64 +152,6 @@ def sample_interval(samples: ArrayLike, level: float = LEVEL) -> tuple[Floats, F
     ends = [(1 - level) / 2, (1 + level) / 2]
     low, high = np.quantile(np.asarray(samples, dtype=np.float64), ends, axis=0, method="inverted_cdf")
     return low, high
-
-
-def crossed_spearman(
-    metric_points: ArrayLike,
-    measured_points: ArrayLike,
-    views: ArrayLike,
-    rng: np.random.Generator,
-    replicates: int = 500,
-    level: float = LEVEL,
-) -> tuple[float, float, float]:
-    """Spearman's ρ of predicted with measured PSS over a bank, and its interval over views crossed with points.
-
-    Each replicate weights every point and every view at random; both PSS are means under the point weights, and a
-    configuration weighs the product of its views' weights. What is peculiar to one configuration is counted once for
-    each of its views, so that the interval errs to the long side: simulated coverage of 95 % intervals 0.92–1.00, where
-    resampling whole configurations covers 0.35–0.65.
-
-    Args:
-        metric_points: 1/m, (K, N), predicted 1/σ of each point, 0 where unobservable (or any score that is a mean over
-            the points).
-        measured_points: 1/m, (K, N), `MeasuredErrors.inverse_sigma` of each configuration.
-        views: (K, c), indices of each configuration's views, ≥ 0.
-
-    Returns:
-        The estimate (with equal weights) and the interval's ends, in [−1, 1]; nan where ρ is not defined.
-    """
-    metric, measured = (np.asarray(a, dtype=np.float64) for a in (metric_points, measured_points))
-    views = np.asarray(views)
-    if metric.ndim != 2 or metric.shape != measured.shape or views.ndim != 2 or len(views) != len(metric):
-        raise ShapeError(
-            f"metric_points {metric.shape}, measured_points {measured.shape}, views {views.shape}; "
-            "allowed: (K, N), (K, N), (K, c)"
-        )
-    if not np.issubdtype(views.dtype, np.integer) or (views.size and views.min() < 0):
-        raise RangeError(f"views of type {views.dtype}; allowed: whole numbers of 0 and above")
-    estimate = float(weighted_spearman(metric.mean(axis=1), measured.mean(axis=1)))
-    if np.isnan(estimate):
-        return np.nan, np.nan, np.nan
-    names, views = np.unique(views, return_inverse=True)
-    views = views.reshape(len(metric), -1)
-    shape = CROSSED_SPREAD**-2
-    view_weights = rng.gamma(shape, 1 / shape, size=(replicates, len(names)))
-    point_weights = rng.gamma(shape, 1 / shape, size=(replicates, metric.shape[1]))
-    together = max(1, MOST_TOGETHER // len(metric))
-    samples = np.concatenate(
-        [
-            np.atleast_1d(
-                weighted_spearman(
-                    point_weights[part] @ metric.T,
-                    point_weights[part] @ measured.T,
-                    view_weights[part][:, views].prod(axis=-1),
-                )
-            )
-            for part in (slice(start, start + together) for start in range(0, replicates, together))
-        ]
-    )
-    low, high = interval((samples - samples.mean()) / CROSSED_SPREAD + estimate, level)
-    return estimate, float(np.clip(low, -1.0, 1.0)), float(np.clip(high, -1.0, 1.0))
 
 
 def regret(

@@ -10,7 +10,10 @@ import dataclasses
 from collections.abc import Callable
 from typing import TypeVar
 
-from pss.covariances import from_six, mean_inverse_sigma, to_six
+import numpy as np
+from numpy.typing import NDArray
+
+from pss.covariances import from_six, to_six
 from pss.evaluation import Evaluation
 from pss.metric_table import Metric
 from pss.noise import (
@@ -28,6 +31,7 @@ from pss.steady_state import solve
 
 __all__ = ["ABLATIONS", "evaluation_with", "own_factor"]
 
+Floats = NDArray[np.float64]
 F = TypeVar("F", bound=NoiseFactor)
 
 # Without it R would be zero in the plane of focus, and at grazing incidence as Eq. 11 is printed.
@@ -99,16 +103,18 @@ def _brightness_contrast(evaluation: Evaluation) -> tuple[NoiseFactor, ...]:
 def _ablation(name: str, factors: Callable[[Evaluation], tuple[NoiseFactor, ...]], reference: str) -> Metric:
     """Eq. 10, 1/m, with R the sum of these factors; 0 if there are none. More is better."""
 
-    def score(evaluation: Evaluation) -> float:
+    def terms(evaluation: Evaluation) -> Floats:
         chosen = factors(evaluation)
-        return evaluation_with(evaluation, NoiseModel(name, chosen)).pss if chosen else 0.0
+        if not chosen:
+            return np.zeros(len(evaluation.observable))
+        return evaluation_with(evaluation, NoiseModel(name, chosen)).inverse_sigma
 
-    return Metric(name, score, True, reference, "ours", "count zero")
+    return Metric.over_points(name, terms, True, reference, "ours", "count zero")
 
 
-def _posterior(evaluation: Evaluation) -> float:
-    """1/m, Eq. 10 with P⁺ for P∞. More is better."""
-    return mean_inverse_sigma(evaluation.posterior_sigma_m)
+def _posterior(evaluation: Evaluation) -> Floats:
+    """1/m, (N,), terms of Eq. 10 with P⁺ for P∞. More is better."""
+    return np.nan_to_num(1 / evaluation.posterior_sigma_m)
 
 
 ABLATIONS: tuple[Metric, ...] = (
@@ -123,5 +129,7 @@ ABLATIONS: tuple[Metric, ...] = (
         _brightness_contrast,
         "Eq. 10 with R of brightness and contrast; 0 without an appearance",
     ),
-    Metric("pss-posterior", _posterior, True, "Eq. 10 with the a-posteriori P⁺ for P∞", "ours", "count zero"),
+    Metric.over_points(
+        "pss-posterior", _posterior, True, "Eq. 10 with the a-posteriori P⁺ for P∞", "ours", "count zero"
+    ),
 )

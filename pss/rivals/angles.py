@@ -18,8 +18,6 @@ __all__ = [
     "SMALLEST_ANGLE_DEG",
     "best_pair_m2",
     "triangulable",
-    "triangulable_share",
-    "triangulation_angle",
 ]
 
 Floats = NDArray[np.float64]
@@ -37,21 +35,21 @@ def triangulable(pairs: Pairs) -> Bools:
     return np.asarray(pairs.seen & (np.abs(pairs.cos) <= math.cos(math.radians(SMALLEST_ANGLE_DEG)) + COS_ROUNDING))
 
 
-def triangulable_share(evaluation: Evaluation) -> float:
-    """Share of the points that some pair of cameras sees 40° to 140° apart, 0 to 1. More is better.
+def _triangulable(evaluation: Evaluation) -> Floats:
+    """Whether some pair of cameras sees a point 40° to 140° apart, (N,), 0 or 1. More is better.
 
     Source: Rahimian and Kearney 2017. A point without such a pair counts zero.
     """
-    return float(triangulable(view_pairs(evaluation)).any(axis=0).mean())
+    return triangulable(view_pairs(evaluation)).any(axis=0).astype(float)
 
 
-def triangulation_angle(evaluation: Evaluation) -> float:
-    """Soft form of `triangulable_share`: mean over points of the largest sin θ of two views, 0 to 1. More is better.
+def _largest_sine(evaluation: Evaluation) -> Floats:
+    """Soft form of `_triangulable`: the largest sin θ of two views of each point, (N,), 0 to 1. More is better.
 
     A point that fewer than two cameras see counts zero.
     """
     pairs = view_pairs(evaluation)
-    return float(np.where(pairs.seen, pairs.sin, 0.0).max(axis=0, initial=0.0).mean())
+    return np.asarray(np.where(pairs.seen, pairs.sin, 0.0).max(axis=0, initial=0.0))
 
 
 def best_pair_m2(evaluation: Evaluation) -> Floats:
@@ -67,11 +65,11 @@ def best_pair_m2(evaluation: Evaluation) -> Floats:
 
 
 ANGLE_METRICS: tuple[Metric, ...] = (
-    Metric(
-        "triangulable-share", triangulable_share, True, "Rahimian and Kearney 2017, 40° to 140°", "read", "count zero"
+    Metric.over_points(
+        "triangulable-share", _triangulable, True, "Rahimian and Kearney 2017, 40° to 140°", "read", "count zero"
     ),
-    Metric(
-        "triangulation-angle", triangulation_angle, True, "Rahimian and Kearney 2017, soft: sin θ", "read", "count zero"
+    Metric.over_points(
+        "triangulation-angle", _largest_sine, True, "Rahimian and Kearney 2017, soft: sin θ", "read", "count zero"
     ),
     *both_conventions("pairwise-bearing", best_pair_m2, np.sqrt, "Tekdas and Isler 2010, d₁d₂/|sin θ|", "checked"),
 )

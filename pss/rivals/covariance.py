@@ -6,6 +6,7 @@ Metrics of C and of bearings rise and fall together where R is the same for all 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,15 +102,14 @@ def _or_infinite(values: Floats) -> Floats:
     return np.where(np.isfinite(values), values, np.inf)
 
 
-def _t_optimality(evaluation: Evaluation) -> float:
-    """1/m², mean of tr J. More is better; an unobservable point counts with what is measured of it."""
-    return float(np.trace(evaluation.information[:, :3, :3], axis1=1, axis2=2).mean())
+def _t_optimality(evaluation: Evaluation) -> Floats:
+    """1/m², tr J, (N,). More is better; an unobservable point counts with what is measured of it."""
+    return np.asarray(np.trace(evaluation.information[:, :3, :3], axis1=1, axis2=2))
 
 
-def _t_optimality_count_zero(evaluation: Evaluation) -> float:
-    """1/m, mean of √tr J, to which unobservable points add zero. More is better."""
-    root = np.sqrt(np.trace(evaluation.information[:, :3, :3], axis1=1, axis2=2))
-    return float(np.where(evaluation.observable, root, 0.0).mean())
+def _t_optimality_count_zero(evaluation: Evaluation) -> Floats:
+    """1/m, √tr J, (N,); unobservable points add zero. More is better."""
+    return np.where(evaluation.observable, np.sqrt(_t_optimality(evaluation)), 0.0)
 
 
 def uncertainty_reward_m2(evaluation: Evaluation, prior_sigma_m: float = PRIOR_SIGMA_M) -> float:
@@ -119,18 +119,32 @@ def uncertainty_reward_m2(evaluation: Evaluation, prior_sigma_m: float = PRIOR_S
     it. With 1 m against millimetres this nearly counts what is seen: √3 m² for a point that is fixed, √3 − 1 for one
     that a single camera sees, 0 for one that none sees.
     """
+    return float(_rewards(evaluation, prior_sigma_m).sum())
+
+
+def _rewards(evaluation: Evaluation, prior_sigma_m: float = PRIOR_SIGMA_M) -> Floats:
     information = evaluation.information[:, :3, :3] + np.eye(3) / prior_sigma_m**2
-    after = np.linalg.norm(np.linalg.inv(information), axis=(1, 2))
-    return float((math.sqrt(3) * prior_sigma_m**2 - after).sum())
+    return np.asarray(math.sqrt(3) * prior_sigma_m**2 - np.linalg.norm(np.linalg.inv(information), axis=(1, 2)))
 
 
-def _steady_state_reward(evaluation: Evaluation) -> float:
-    """m², the same with P⁻ = P∞ and P⁺ of the filter's steady state; unobservable points add zero. More is better.
+def _steady_state_rewards(evaluation: Evaluation) -> Floats:
+    """m², (N,), the same with P⁻ = P∞ and P⁺ of the filter's steady state; unobservable points add zero. More is
+    better.
 
     P∞ = P⁺ + Q for a random walk, so that the reward is what Q adds, whatever the cameras: hardly a metric.
     """
     before, after = (np.linalg.norm(P[:, :3, :3], axis=(1, 2)) for P in (evaluation.covariance, evaluation.posterior))
-    return float(np.where(evaluation.observable, before - after, 0.0).sum())
+    return np.where(evaluation.observable, before - after, 0.0)
+
+
+def _summed(values: Callable[[Evaluation], Floats]) -> Callable[[Evaluation], Floats]:
+    """Terms whose mean over the points is the sum of these."""
+
+    def terms(evaluation: Evaluation) -> Floats:
+        found = values(evaluation)
+        return found * len(found)
+
+    return terms
 
 
 COVARIANCE_METRICS: tuple[Metric, ...] = (
@@ -143,7 +157,7 @@ COVARIANCE_METRICS: tuple[Metric, ...] = (
         np.sqrt,
         "after Olague and Mohr 2002",
         "after",
-        over_points=lambda values: float(values.max()),
+        worst=True,
     ),
     *both_conventions("gdop", gdop_m, lambda gdop: gdop, "geometric dilution of precision, bearings", "read"),
     *both_conventions("a-optimality", a_optimality_m2, np.sqrt, "optimal design, tr C", "read"),
@@ -151,8 +165,10 @@ COVARIANCE_METRICS: tuple[Metric, ...] = (
         "d-optimality", d_optimality, lambda value: np.exp(value / 6), "optimal design, ln det C", "read"
     ),
     *both_conventions("e-optimality", e_optimality_m2, np.sqrt, "optimal design, λmax(C)", "read"),
-    Metric("t-optimality", _t_optimality, True, "optimal design, tr J", "read", "count with what is measured"),
-    Metric(
+    Metric.over_points(
+        "t-optimality", _t_optimality, True, "optimal design, tr J", "read", "count with what is measured"
+    ),
+    Metric.over_points(
         "t-optimality-count-zero",
         _t_optimality_count_zero,
         True,
@@ -160,17 +176,17 @@ COVARIANCE_METRICS: tuple[Metric, ...] = (
         "read",
         "count zero",
     ),
-    Metric(
+    Metric.over_points(
         "uncertainty-reward",
-        uncertainty_reward_m2,
+        _summed(_rewards),
         True,
         "Stone Soup, UncertaintyRewardFunction",
         "read",
         "by the prior",
     ),
-    Metric(
+    Metric.over_points(
         "uncertainty-reward-steady-state",
-        _steady_state_reward,
+        _summed(_steady_state_rewards),
         True,
         "Stone Soup's UncertaintyRewardFunction at P∞",
         "ours",

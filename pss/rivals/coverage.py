@@ -15,9 +15,6 @@ from pss.views import Views
 __all__ = [
     "COVERAGE_METRICS",
     "camera_strength",
-    "coverage_strength",
-    "distance_weighted_views",
-    "observability",
     "visibility_count",
 ]
 
@@ -50,7 +47,11 @@ REFERENCE_DISTANCE_M = 2.0
 
 def visibility_count(evaluation: Evaluation, enough: int = ENOUGH_CAMERAS) -> float:
     """Mean over points of min(m, k)/k, with m cameras that see the point, 0 to 1. More is better."""
-    return float((np.minimum(evaluation.visible.sum(axis=0), enough) / enough).mean())
+    return float(_counts(evaluation, enough).mean())
+
+
+def _counts(evaluation: Evaluation, enough: int = ENOUGH_CAMERAS) -> Floats:
+    return np.asarray(np.minimum(evaluation.visible.sum(axis=0), enough) / enough)
 
 
 def _ramp(value: Floats, zero: Floats | float, one: Floats | float) -> Floats:
@@ -101,19 +102,19 @@ def _focus(views: Views, depth_m: Floats) -> Floats:
     return before * np.where(limited, _ramp(depth_m, last, far), 1.0)
 
 
-def coverage_strength(evaluation: Evaluation) -> float:
-    """Mean over points of the best pair's weaker `camera_strength`, 0 to 1. More is better.
+def _coverage_strength(evaluation: Evaluation) -> Floats:
+    """The best pair's weaker `camera_strength` at each point, (N,), 0 to 1. More is better.
 
     The best pair is the two strongest cameras. Source: Mavrinac, Adolphus (2-ocular coverage strength); a point that
     fewer than two cameras cover counts zero.
     """
     if len(evaluation.cameras) < 2:
-        return 0.0
-    return float(np.sort(camera_strength(evaluation), axis=0)[-2].mean())
+        return np.zeros(len(evaluation.observable))
+    return np.asarray(np.sort(camera_strength(evaluation), axis=0)[-2])
 
 
-def distance_weighted_views(evaluation: Evaluation) -> float:
-    """Mean over points of min(n, T)/T · Σ_r s_(r)/√r /√T, s = v²/(1 + 0.001 d²) sorted downwards. More is better.
+def _distance_weighted_views(evaluation: Evaluation) -> Floats:
+    """At each point, (N,), min(n, T)/T · Σ_r s_(r)/√r /√T, s = v²/(1 + 0.001 d²) sorted downwards. More is better.
 
     n counts the views that differ: those less than 20° of azimuth beyond their neighbour count 0.3. v is 1 for what
     a camera sees. Source: lab-camera-optimizer, its "base" score; its bonus for views all round, its bilateral factor
@@ -122,11 +123,11 @@ def distance_weighted_views(evaluation: Evaluation) -> float:
     """
     seen = evaluation.visible
     if len(evaluation.cameras) == 0:
-        return 0.0
+        return np.zeros(len(evaluation.observable))
     score = np.where(seen, 1 / (1 + DISTANCE_WEIGHT_PER_M2 * evaluation.views.range_m**2), 0.0)
     rank = np.arange(1, len(score) + 1)[:, None]
     total = (-np.sort(-score, axis=0) / np.sqrt(rank)).sum(axis=0) / math.sqrt(TARGET_VIEWS)
-    return float((np.minimum(_distinct_views(evaluation), TARGET_VIEWS) / TARGET_VIEWS * total).mean())
+    return np.asarray(np.minimum(_distinct_views(evaluation), TARGET_VIEWS) / TARGET_VIEWS * total)
 
 
 def _distinct_views(evaluation: Evaluation) -> Floats:
@@ -147,8 +148,8 @@ def _distinct_views(evaluation: Evaluation) -> Floats:
     return np.asarray(np.where(is_gap, np.where(gaps < DUPLICATE_DEG, DUPLICATE_COUNTS, 1.0), 0.0).sum(axis=0))
 
 
-def observability(evaluation: Evaluation, reference_distance_m: float = REFERENCE_DISTANCE_M) -> float:
-    """Mean over points of Σ_i G_i Π_{k<i}(1 − G_k), 0 to 1, G = clip(d₀²/d² · cos θ cos φ, 0, 1). More is better.
+def _observability(evaluation: Evaluation, reference_distance_m: float = REFERENCE_DISTANCE_M) -> Floats:
+    """At each point, (N,), Σ_i G_i Π_{k<i}(1 − G_k), 0 to 1, G = clip(d₀²/d² · cos θ cos φ, 0, 1). More is better.
 
     θ is the incidence at the target, φ the angle off the camera's axis. The sum telescopes to 1 − Π(1 − G_i): the
     order of the cameras, which the formula seems to ask for, does not matter. After Bodor et al. 2007, who sum over
@@ -157,19 +158,21 @@ def observability(evaluation: Evaluation, reference_distance_m: float = REFERENC
     views, seen = evaluation.views, evaluation.visible
     nearness = (reference_distance_m / np.where(seen, views.range_m, 1.0)) ** 2
     cosines = np.where(seen, views.cos_incidence, 0.0) * np.where(seen, views.cos_off_axis, 0.0)
-    return float((1 - np.prod(1 - np.clip(nearness * cosines, 0.0, 1.0), axis=0)).mean())
+    return np.asarray(1 - np.prod(1 - np.clip(nearness * cosines, 0.0, 1.0), axis=0))
 
 
 COVERAGE_METRICS: tuple[Metric, ...] = (
-    Metric("visibility-count", visibility_count, True, "mean of min(m, 3)/3", "read", "count what is seen"),
-    Metric("coverage-strength", coverage_strength, True, "Mavrinac, Adolphus: coverage strength", "read", "count zero"),
-    Metric(
+    Metric.over_points("visibility-count", _counts, True, "mean of min(m, 3)/3", "read", "count what is seen"),
+    Metric.over_points(
+        "coverage-strength", _coverage_strength, True, "Mavrinac, Adolphus: coverage strength", "read", "count zero"
+    ),
+    Metric.over_points(
         "distance-weighted-views",
-        distance_weighted_views,
+        _distance_weighted_views,
         True,
         "lab-camera-optimizer, base score",
         "read",
         "count what is seen",
     ),
-    Metric("observability", observability, True, "after Bodor et al. 2007", "after", "count what is seen"),
+    Metric.over_points("observability", _observability, True, "after Bodor et al. 2007", "after", "count what is seen"),
 )

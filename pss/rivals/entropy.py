@@ -61,17 +61,15 @@ def _log_determinant(six: Floats) -> Floats:
     return np.asarray(np.log(a) + np.log(second) + np.log(f - c * c / a - coupling * coupling / second))
 
 
-def _entropy(evaluation: Evaluation) -> float:
-    """Mean over points of `expected_log_determinant`, of m⁶. Less is better. After Denzler, Zobel and Niemann 2003.
-
-    The abstract says: expected conditional entropy, over whether an observation comes. That each camera that sees the
-    point yields one with the same probability, and that P∞ is the prior, is our reading.
-    """
-    return float(expected_log_determinant(evaluation).mean())
-
-
 ENTROPY_METRICS: tuple[Metric, ...] = (
-    Metric(
-        "entropy", _entropy, False, "after Denzler, Zobel and Niemann 2003", "after", f"prior of {PRIOR_SIGMA_M:g} m"
+    # The abstract says: expected conditional entropy, over whether an observation comes. That each camera that sees the
+    # point yields one with the same probability, and that P∞ is the prior, is our reading.
+    Metric.over_points(
+        "entropy",
+        expected_log_determinant,
+        False,
+        "after Denzler, Zobel and Niemann 2003",
+        "after",
+        f"prior of {PRIOR_SIGMA_M:g} m",
     ),
 )

@@ -41,7 +41,10 @@ def sectors(evaluation: Evaluation) -> tuple[Floats, Bools]:
 
 
 def dynamic_occlusion_deg(evaluation: Evaluation) -> Floats:
-    """Degrees of the occluder's azimuth that leave no pair of cameras 40° to 140° apart, (N,), 0 to 360."""
+    """Degrees of the occluder's azimuth that leave no pair of cameras 40° to 140° apart, (N,), 0 to 360.
+
+    Less is better. After Rahimian and Kearney 2017.
+    """
     pairs = view_pairs(evaluation)
     usable = triangulable(pairs)
     widths, left = sectors(evaluation)
@@ -52,32 +55,25 @@ def dynamic_occlusion_deg(evaluation: Evaluation) -> Floats:
 
 
 def occluded_error_m(evaluation: Evaluation) -> Floats:
-    """Metres, mean over the occluder's azimuth of √λmax(C) of the cameras that are left, at most `BOUND_M`, (N,)."""
+    """Metres, mean over the occluder's azimuth of √λmax(C) of the cameras that are left, at most `BOUND_M`, (N,).
+
+    Less is better. After Chen and Davis 2000 and 2008. The abstract says: expected error over occluders in all
+    directions. That the error is √λmax(C), the occluder a half-space, all azimuths alike, and the error without two
+    cameras `BOUND_M`, is our reading.
+    """
     widths, left = sectors(evaluation)
     six = np.einsum("scn,cen->esn", left.astype(float), camera_six(evaluation))
     error = np.minimum(largest_sigma_m(six.reshape(6, -1)).reshape(widths.shape), BOUND_M)
     return np.asarray((widths * error).sum(axis=0) / (2 * np.pi))
 
 
-def _dynamic_occlusion(evaluation: Evaluation) -> float:
-    """Degrees, mean over points of `dynamic_occlusion_deg`. Less is better. After Rahimian and Kearney 2017."""
-    return float(dynamic_occlusion_deg(evaluation).mean())
-
-
-def _occlusion_robustness(evaluation: Evaluation) -> float:
-    """Metres, mean over points of `occluded_error_m`. Less is better. After Chen and Davis 2000 and 2008.
-
-    The abstract says: expected error over occluders in all directions. That the error is √λmax(C), the occluder a
-    half-space, all azimuths alike, and the error without two cameras `BOUND_M`, is our reading.
-    """
-    return float(occluded_error_m(evaluation).mean())
-
-
 OCCLUSION_METRICS: tuple[Metric, ...] = (
-    Metric("dynamic-occlusion", _dynamic_occlusion, False, "after Rahimian and Kearney 2017", "read", "count 360°"),
-    Metric(
+    Metric.over_points(
+        "dynamic-occlusion", dynamic_occlusion_deg, False, "after Rahimian and Kearney 2017", "read", "count 360°"
+    ),
+    Metric.over_points(
         "occlusion-robustness",
-        _occlusion_robustness,
+        occluded_error_m,
         False,
         "after Chen and Davis 2000, 2008",
         "after",

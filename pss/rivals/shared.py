@@ -90,11 +90,11 @@ def both_conventions(
     reference: str,
     status: Status,
     *,
-    over_points: Callable[[Floats], float] = lambda values: float(values.mean()),
+    worst: bool = False,
 ) -> tuple[Metric, Metric]:
     """A metric of which less is better, by its own convention and by Eq. 10's.
 
-    Its own: the mean over the points (or `over_points`), ∞ if a single one is unobservable. Eq. 10's, "-count-zero":
+    Its own: the mean over the points (or the `worst`), ∞ if a single one is unobservable. Eq. 10's, "-count-zero":
     the mean of 1/σ over all points, to which unobservable ones add zero, so that more is better.
 
     Args:
@@ -102,14 +102,16 @@ def both_conventions(
         sigma: from these numbers to what is like a standard deviation; ∞ stays ∞.
     """
 
-    def own(evaluation: Evaluation) -> float:
-        found = values(evaluation)
-        return over_points(found) if np.isfinite(found).all() else np.inf
-
-    def count_zero(evaluation: Evaluation) -> float:
-        return float((1 / sigma(values(evaluation))).mean())
-
-    return (
-        Metric(name, own, False, reference, status, "infinite if a point is unobservable"),
-        Metric(f"{name}-count-zero", count_zero, True, f"{reference}; averaged as in Eq. 10", status, "count zero"),
+    infinite = "infinite if a point is unobservable"
+    if worst:
+        own = Metric(name, lambda evaluation: float(values(evaluation).max()), False, reference, status, infinite)
+    else:
+        own = Metric.over_points(name, values, False, reference, status, infinite)
+    return own, Metric.over_points(
+        f"{name}-count-zero",
+        lambda evaluation: np.asarray(1 / sigma(values(evaluation))),
+        True,
+        f"{reference}; averaged as in Eq. 10",
+        status,
+        "count zero",
     )

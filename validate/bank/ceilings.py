@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -21,7 +20,7 @@ from validate.bank.ranking import Judged, judge_against, with_interval
 from validate.bank.study import appearance_of, predictions
 from validate.bank.verdict import CountVerdict, single_frame_terms
 
-__all__ = ["oracle_rows", "parts_rows"]
+__all__ = ["attenuation_ceiling", "oracle_rows", "parts_rows"]
 
 Floats = NDArray[np.float64]
 Row = dict[str, object]
@@ -32,9 +31,15 @@ KNOWN = "known"
 
 
 def oracle_rows(bank: ViewBank, data: BankData, verdict: CountVerdict) -> list[Row]:
-    """What a perfect R could reach: moments of the pixel errors on one half of the trials, judged on the other half.
+    """What a prediction could reach at best, and what the pixel errors of other captures reach.
 
-    Beside it the split-half reliability: the ranks of the measured PSS of the one half against the other's.
+    "Ceiling": the ρ of the true values, without the noise of captures, with what was measured over all trials. It is
+    what a perfect prediction reaches, and no other can be better but by chance: `attenuation_ceiling` of the split-half
+    reliability, the ranks of the measured PSS of the one half of the trials against the other's. What every capture
+    repeats, as the bias of a render, is taken to be true.
+
+    "Oracle": its R are the moments of the pixel errors on one half of the trials, and it is judged on the other half.
+    It knows half of the trials and is judged on half, so that it may lie below a contender, which is judged on all.
     """
     halves = [data.residuals()[:, first::2] for first in (0, 1)]
     chance = verdict.chance
@@ -50,20 +55,32 @@ def oracle_rows(bank: ViewBank, data: BankData, verdict: CountVerdict) -> list[R
         for half, residuals in enumerate(halves)
     )
     predicted = predictions(bank, contenders, verdict.configurations, None)
-    oracle = dataclasses.replace(verdict, predicted=predicted)
     for contender, other in zip(contenders, (1, 0), strict=True):
-        found.append(judge_against(oracle.terms(contender.name, "pss-single-frame"), terms[other], chance))
+        own = np.array([single_frame_terms(p[contender.name]) for p in predicted])
+        found.append(judge_against(own, terms[other], chance))
         expected = np.array([root_trace(p[contender.name].covariance_m2) for p in predicted])
         pooled.append(pooled_spearman(expected, rms[other], chance))
         ratio = np.log(expected / rms[other])
         ratios.append(float(np.median(np.abs(ratio[np.isfinite(ratio)]))))
     reliability = judge_against(terms[0], terms[1], chance)
     points = pooled_spearman(rms[0], rms[1], chance)
+    rows = {
+        "ceiling, configurations": attenuation_ceiling(reliability),
+        "ceiling, points": attenuation_ceiling(points),
+        "oracle, configurations": _mean(found),
+        "oracle, points": _mean(pooled),
+        "split halves, configurations": reliability,
+        "split halves, points": points,
+    }
+    ratio_of = {"oracle, points": float(np.mean(ratios))}
     return [
-        _oracle_row(verdict, "oracle, configurations", _mean(found)) | {"median_abs_log_ratio": float("nan")},
-        _oracle_row(verdict, "oracle, points", _mean(pooled)) | {"median_abs_log_ratio": float(np.mean(ratios))},
-        _oracle_row(verdict, "split halves, configurations", reliability) | {"median_abs_log_ratio": float("nan")},
-        _oracle_row(verdict, "split halves, points", points) | {"median_abs_log_ratio": float("nan")},
+        {
+            "cameras": verdict.cameras,
+            "ceiling": name,
+            **with_interval("spearman", judged),
+            "median_abs_log_ratio": ratio_of.get(name, float("nan")),
+        }
+        for name, judged in rows.items()
     ]
 
 
@@ -110,18 +127,20 @@ def parts_rows(
     return rows
 
 
+def attenuation_ceiling(halves: Judged) -> Judged:
+    """Largest expected correlation of a prediction with what all trials measure, from that of the two halves.
+
+    √(2r/(1 + r)): the Spearman-Brown reliability of twice the trials is the share of the measured variance that is no
+    noise, and the correlation with the noise-free values its root (Spearman 1904, 1910). 0 where r is below 0.
+    """
+
+    def of(r: Floats) -> Floats:
+        safe = np.clip(r, 0.0, 1.0)
+        return np.asarray(np.sqrt(2 * safe / (1 + safe)))
+
+    return halves.resamples.judged(float(of(np.asarray(halves.estimate))), of(halves.samples), 1.0)
+
+
 def _mean(judged: Sequence[Judged]) -> Judged:
-    return Judged(
-        float(np.mean([j.estimate for j in judged])), np.asarray(np.mean([j.samples for j in judged], axis=0)), 1.0
-    )
-
-
-def _oracle_row(verdict: CountVerdict, what: str, judged: Judged) -> Row:
-    low, high = judged.interval
-    return {
-        "cameras": verdict.cameras,
-        "ceiling": what,
-        "spearman": judged.estimate,
-        "spearman_ci_low": low,
-        "spearman_ci_high": high,
-    }
+    estimate = float(np.mean([j.estimate for j in judged]))
+    return judged[0].resamples.judged(estimate, np.mean([j.samples for j in judged], axis=0), 1.0)

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.stats
 from numpy.typing import NDArray
 
-from validate.bank.ranking import Judged, Resamples, with_interval
+from validate.crossed import Judged, Resamples, Scale, with_interval
 from validate.intervals import spearman_of_groups, tie_groups, weighted_spearman
 
 __all__ = ["LEVELS", "Consistency", "anisotropy", "crossed_mean", "of_errors", "of_moments", "sandwich"]
@@ -21,9 +21,6 @@ __all__ = ["LEVELS", "Consistency", "anisotropy", "crossed_mean", "of_errors", "
 Floats = NDArray[np.float64]
 
 LEVELS = (0.5, 0.9, 0.95)
-# Resamples of ranks over all cells, of which there are tens of thousands: enough for an interval's ends within 10 %
-# of its length, in a quarter of the time.
-POOLED = 50
 # Trials from which a point's own moment is compared with a covariance.
 FEWEST_TRIALS = 5
 
@@ -43,11 +40,11 @@ class Consistency:
     log_ratio: Floats
 
     def row(self, resamples: Resamples) -> dict[str, object]:
-        """Means with 95 % intervals over views crossed with points, and the median of |log ratio|."""
+        """Means with 95 % intervals over cameras, views and points, and the median of |log ratio|."""
         row: dict[str, object] = {"cells": int(np.isfinite(self.nees).sum())}
         row |= with_interval("nees_per_dof", crossed_mean(self.nees, resamples))
         for level, inside in self.inside.items():
-            row |= with_interval(f"coverage_{round(100 * level)}", crossed_mean(inside, resamples))
+            row |= with_interval(f"coverage_{round(100 * level)}", crossed_mean(inside, resamples, "share"))
         ratio = self.log_ratio[np.isfinite(self.log_ratio)]
         return row | {
             "median_abs_log_ratio": float(np.median(np.abs(ratio))) if ratio.size else float("nan"),
@@ -94,28 +91,27 @@ def root_trace_of(covariance: Floats) -> Floats:
     return np.asarray(np.sqrt(np.trace(covariance, axis1=-2, axis2=-1)))
 
 
-def crossed_mean(values: Floats, resamples: Resamples) -> Judged:
-    """Mean over the cells (K, N) that are not nan, with the resamples of views (B, K) and points (B, N)."""
+def crossed_mean(values: Floats, resamples: Resamples, scale: Scale = "positive") -> Judged:
+    """Mean over the cells (K, N) that are not nan, and itself on each resample; `scale` is that of its interval."""
     known = np.isfinite(values)
     filled = np.where(known, values, 0.0)
-    total = np.einsum("bk,kn,bn->b", resamples.views, filled, resamples.points, optimize=True)
-    weight = np.einsum("bk,kn,bn->b", resamples.views, known.astype(float), resamples.points, optimize=True)
+    total, weight = (((resamples.views @ cells) * resamples.points).sum(axis=1) for cells in (filled, known * 1.0))
     estimate = float(filled.sum() / known.sum()) if known.any() else float("nan")
-    with np.errstate(invalid="ignore"):
-        return resamples.judged(estimate, total / weight)
+    samples = np.where(weight > 0, total / np.where(weight > 0, weight, 1.0), np.nan)
+    return resamples.judged(estimate, samples, 1.0 if scale == "share" else np.inf, scale)
 
 
 def pooled_spearman(predicted: Floats, measured: Floats, resamples: Resamples) -> Judged:
-    """ρ over all cells (K, N) that have both, pooled; its interval from the first `POOLED` resamples."""
+    """ρ over all cells (K, N) that have both, pooled, and itself on each resample."""
     known = np.isfinite(predicted) & np.isfinite(measured)
     if known.sum() < 3:
-        return resamples.judged(float("nan"), np.full(POOLED, np.nan))
+        return resamples.judged(float("nan"), np.full(len(resamples.points), np.nan))
     row, column = np.nonzero(known)
     x, y = tie_groups(predicted[known]), tie_groups(measured[known])
     samples = np.array(
         [
             spearman_of_groups(x, y, views[row] * points[column])
-            for views, points in zip(resamples.views[:POOLED], resamples.points[:POOLED], strict=True)
+            for views, points in zip(resamples.views, resamples.points, strict=True)
         ]
     )
     return resamples.judged(spearman_of_groups(x, y, np.ones(len(x))), samples, 1.0)

@@ -17,14 +17,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from render.view import random_stream
 from validate.bank.measured import BankData
 from validate.bank.miscalibrated_measured import MeasuredMoments, carried_through, triangulated
 from validate.bank.miscalibrated_prediction import PredictedErrors, Predictions
 from validate.bank.ranking import Judged, Ranked, Resamples
 from validate.bank.workers import workers_context
 from validate.calibration_error import PTZ_SIZES, CalibrationSizes, passing_covariance, shifts_px, without_blunders
-from validate.intervals import CROSSED_SPREAD
+from validate.crossed import mean_over_draws
 
 __all__ = ["DRAWS", "EACH_FRAME", "FROZEN", "IN_WEIGHTS", "OVER", "OWN", "WITHIN", "study"]
 
@@ -37,8 +36,6 @@ OVER, WITHIN = "over calibrations", "within one calibration"
 OWN, IN_WEIGHTS = "own", "with term"
 # Independent frozen calibrations.
 DRAWS = 12
-# Of each draw by itself no more resamples than this are ranked: their mean over the draws is what is asked.
-RESAMPLES_OF_A_DRAW = 400
 # Every so manieth configuration is triangulated in full beside first order.
 CHECKED = 10
 # Columns of ρ of which the least and the most of the draws are given, too.
@@ -47,19 +44,12 @@ WITH_EXTREMES = ("spearman_plain", "spearman_with_term", "spearman_propagated", 
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """What all sizes share; `chance` for intervals, `of_draws` (B, D) the weights of the draws on its resamples."""
+    """What all sizes share; `chance` for intervals."""
 
     data: BankData
     predictions: Predictions
     draws: int
     chance: Resamples
-    of_draws: Floats
-
-    @property
-    def few(self) -> Resamples:
-        """Some of the resamples."""
-        views, points = (array[:RESAMPLES_OF_A_DRAW] for array in (self.chance.views, self.chance.points))
-        return dataclasses.replace(self.chance, views=views, points=points)
 
     @property
     def chosen(self) -> NDArray[np.int64]:
@@ -93,10 +83,7 @@ def study(
     """
     cameras = [camera.name for camera in data.cameras]
     chance = Resamples.of_configurations(predictions.configurations, len(data.points_m), cameras)
-    shape = CROSSED_SPREAD**-2
-    rng = random_stream(data.seed, "calibration error", "weights of draws")
-    of_draws = rng.gamma(shape, 1 / shape, size=(len(chance.points), draws))
-    whole = Study(data, predictions, draws, chance, of_draws)
+    whole = Study(data, predictions, draws, chance)
     if processes == 1:
         return [row for size in sizes for row in _rows(whole, size)]
     with ProcessPoolExecutor(processes, workers_context(), _begin, (whole,)) as pool:
@@ -157,7 +144,7 @@ class _Judge:
     def row(self, kind: str, judged: str, measured: list[MeasuredMoments]) -> Row:
         """`measured`: of each draw by itself."""
         terms = [one.inverse_sigma for one in measured]
-        chance = self.whole.chance if len(measured) == 1 else self.whole.few
+        chance = self.whole.chance
         ranked = {name: Ranked.of(one.inverse_sigma, chance) for name, one in self.predicted.items()}
         against = [Ranked.of(values, chance) for values in terms]
         row: Row = dataclasses.asdict(self.size) | {"kind": kind, "judged": judged, "weights": self.weights}
@@ -190,12 +177,8 @@ class _Judge:
             return dict.fromkeys(columns, nan)
         single, extremes = judged[0], (nan, nan)
         if len(judged) > 1:
-            samples = np.array([one.samples for one in judged]).T  # (B, D)
-            known = np.isfinite(samples)
-            weights = np.where(known, self.whole.of_draws[: len(samples)], 0.0)
-            mean = (weights * np.where(known, samples, 0.0)).sum(axis=1) / weights.sum(axis=1)
             estimates = [one.estimate for one in judged]
-            single = self.whole.chance.judged(float(np.nanmean(estimates)), mean, single.bound)
+            single = mean_over_draws(judged)
             extremes = (float(np.nanmin(estimates)), float(np.nanmax(estimates)))
         return dict(zip(columns, (single.estimate, *single.interval, *extremes), strict=False))
 

@@ -28,6 +28,8 @@ Bools = NDArray[np.bool_]
 
 # Configurations evaluated in one call: views that they share are looked at once.
 TOGETHER = 50
+# Metrics that every prediction has the terms of.
+ALWAYS = ("pss", "pss-single-frame")
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +101,8 @@ class Predicted:
     """One configuration under one contender; points that are not observable have nan.
 
     Attributes:
-        scores: metrics by name.
+        scores: metrics by name, of those that are no mean over the points.
+        terms: of those that are, what each point adds, (N,).
         sigma_m: m, σ∞, (N,).
         covariance_m2: m², C of one frame, (N, 3, 3).
         prior_m2, posterior_m2: m², position blocks of P⁻ and P⁺, (N, 3, 3); None if not asked for.
@@ -107,6 +110,7 @@ class Predicted:
     """
 
     scores: Mapping[str, float]
+    terms: Mapping[str, Floats]
     sigma_m: Floats
     covariance_m2: Floats
     prior_m2: Floats | None
@@ -174,9 +178,12 @@ def _predict(task: PredictionTask, jobs: Sequence[tuple[int, ...]]) -> list[dict
 def _predicted(task: PredictionTask, name: str, evaluation: Evaluation) -> Predicted:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # a rival that is not defined for a configuration says so with its number
-        scores = {metric: float(METRICS[metric].score(evaluation)) for metric in task.needs[name]}
+        asked = [METRICS[metric] for metric in dict.fromkeys((*ALWAYS, *task.needs[name]))]
+        terms = {m.name: np.asarray(m.terms(evaluation), dtype=float) for m in asked if m.terms is not None}
+        scores = {m.name: float(m.score(evaluation)) for m in asked if m.terms is None}
     return Predicted(
         scores,
+        terms,
         evaluation.sigma_m,
         evaluation.single_frame_covariance,
         evaluation.covariance[:, :3, :3] if task.filtered else None,

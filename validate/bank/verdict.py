@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,18 +10,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import METRICS
+from validate.bank.choosing import Choices, Picked, Regrets, numbers_of
 from validate.bank.measured import ConfigurationErrors
 from validate.bank.predicted import Predicted
-from validate.bank.ranking import Judged, Ranked, Resamples, partial, regrets, top_hits, with_interval
-from validate.errors3d import MeasuredErrors, measured_inverse_sigma
-from validate.intervals import CROSSED_SPREAD, kendall, pearson_log
+from validate.bank.ranking import Judged, Ranked, Resamples, partial, top_hits, with_interval
+from validate.crossed import deviations
+from validate.errors3d import measured_inverse_sigma
+from validate.intervals import kendall, pearson_log, tie_groups
 
 __all__ = ["CountVerdict", "Yardstick", "leaderboard", "yardsticks"]
 
 Floats = NDArray[np.float64]
 Row = dict[str, object]
 
-UNDER_M = 0.005
+# Errors are tenths of a millimetre: a share under 5 mm only counts what was triangulated.
+UNDER_MM = (5, 0.02, 0.05, 0.1, 0.2)
+# Draws of the statistics from their jackknife, for intervals of ranks.
+RANK_DRAWS = 4000
 CHOICES = (5, 20, 100)
 TOP_SHARE = 0.1
 # What the others are compared with, pairwise.
@@ -32,7 +37,7 @@ BASELINES = ("pss-single-frame", "visibility-count")
 class Yardstick:
     """A measured number of K configurations: terms of a mean over the points (K, N), or the number (K,).
 
-    `halves` are the same from the even and from the odd trials, (K,) each, higher is better; None where there is none.
+    `halves` are the same from the even and from the odd trials, higher is better; None where there is none.
     """
 
     name: str
@@ -65,44 +70,32 @@ class CountVerdict:
     def terms(self, model: str, metric: str) -> Floats:
         """The metric under a noise model: its terms (K, N) if it is a mean over points, else its values (K,)."""
         of_model = [found[model] for found in self.predicted]
-        if metric == "pss":
-            return np.array([np.nan_to_num(1 / found.sigma_m) for found in of_model])
-        if metric == "pss-single-frame":
-            return np.array([single_frame_terms(found) for found in of_model])
+        if METRICS[metric].terms is not None:
+            return np.array([found.terms[metric] for found in of_model])
         return np.array([found.scores[metric] for found in of_model])
 
 
 def single_frame_terms(found: Predicted) -> Floats:
-    """1/m, (N,), 1/√λmax of C; 0 where not observable."""
-    terms = np.zeros(len(found.covariance_m2))
-    known = np.isfinite(found.covariance_m2).all(axis=(1, 2))
-    terms[known] = 1 / np.sqrt(np.linalg.eigvalsh(found.covariance_m2[known])[:, -1])
-    return terms
+    """1/m, (N,), what each point adds to the single-frame PSS; 0 where it is not observable."""
+    return found.terms["pss-single-frame"]
 
 
 def yardsticks(measured: Sequence[ConfigurationErrors]) -> list[Yardstick]:
-    """Measured PSS (single frame; of the filter where it was run), share under 5 mm, median RMS over all points."""
-    halves = [found.errors.halves() for found in measured]
-
-    def of_halves(number: Callable[[MeasuredErrors], float]) -> tuple[Floats, Floats]:
-        return np.array([number(a) for a, _ in halves]), np.array([number(b) for _, b in halves])
-
-    under = np.array([(np.linalg.norm(f.errors.errors_m, axis=2) < UNDER_M).mean(axis=0) for f in measured])
-    found = [
-        Yardstick(
-            "measured_pss_single_frame",
-            np.array([f.errors.inverse_sigma for f in measured]),
-            True,
-            of_halves(lambda errors: errors.pss()),
-        ),
-        Yardstick("share_under_5mm", under, True, of_halves(lambda errors: errors.share_under(UNDER_M))),
-        Yardstick(
-            "median_rms_m",
-            np.array([f.errors.median_rms_m for f in measured]),
-            False,
-            of_halves(lambda errors: -errors.median_rms_m),
-        ),
-    ]
+    """Measured PSS (single frame; of the filter where it was run), shares under some mm, median RMS over all points."""
+    pairs = [found.errors.halves() for found in measured]
+    whole, *halves = (
+        [found.errors for found in measured],
+        [even for even, _ in pairs],
+        [odd for _, odd in pairs],
+    )
+    single, *of_halves = (np.array([e.inverse_sigma for e in errors]) for errors in (whole, *halves))
+    found = [Yardstick("measured_pss_single_frame", single, True, (of_halves[0], of_halves[1]))]
+    distances = [np.linalg.norm([e.errors_m for e in errors], axis=-1) for errors in (whole, *halves)]
+    for limit in UNDER_MM:
+        share, a, b = ((distance < limit / 1000).mean(axis=1) for distance in distances)  # nan is not under
+        found.append(Yardstick(f"share_under_{limit:g}mm", share, True, (a, b)))
+    median = np.array([errors.median_rms_m for errors in whole])
+    found.append(Yardstick("median_rms_m", median, False, None))
     if all(f.prior_moment_m2 is not None for f in measured):
         terms = []
         for f in measured:
@@ -116,28 +109,37 @@ def yardsticks(measured: Sequence[ConfigurationErrors]) -> list[Yardstick]:
 
 
 def leaderboard(verdict: CountVerdict, asked: Sequence[tuple[str, str]]) -> list[Row]:
-    """A row for each metric under a noise model (`asked` pairs of model and metric) and each yardstick."""
+    """A row for each metric under a noise model (`asked` pairs of model and metric) and each yardstick.
+
+    `twin_of` names the first pair that orders the configurations the same way; ranks count the two once.
+    """
     rows: list[Row] = []
     chance = verdict.chance
+    choices = {size: Choices.of(chance, size) for size in CHOICES}
     visible = Ranked.of(verdict.terms(asked[0][0], "visible-share"), chance)
-    numbers, ranked = {}, {}
+    numbers, ranked, picked = {}, {}, {}
     for model, metric in asked:
         better = METRICS[metric].higher_is_better
         values = verdict.terms(model, metric) * (1 if better else -1)
-        if values.ndim == 1:  # where a number is not defined, the configuration is the worst
-            values = np.where(np.isnan(values), -np.inf, values)
-        numbers[model, metric] = values.mean(axis=1) if values.ndim == 2 else values
+        values = np.where(np.isnan(values), -np.inf, values)  # where a number is not defined, it is the worst
+        of_all = numbers_of(values, chance)
+        numbers[model, metric] = of_all[0]
         ranked[model, metric] = Ranked.of(values, chance)
+        picked[model, metric] = Picked.by(of_all, choices)
     of_visible = {pair: found.against(visible) for pair, found in ranked.items()}
+    first = twins(numbers)
     for yardstick in yardsticks(verdict.measured):
         sign = 1 if yardstick.higher_is_better else -1
         measured = Ranked.of(yardstick.values, chance)
         judged_by = {pair: found.against(measured, sign) for pair, found in ranked.items()}
         with_visible = visible.against(measured, sign)
-        ranks = _ranks(list(judged_by.values()))
-        for (pair, judged), (rank, low, high) in zip(judged_by.items(), ranks, strict=True):
+        own = [pair for pair in asked if first[pair] == pair]
+        ranks = dict(zip(own, ranks_of([judged_by[pair] for pair in own]), strict=True))
+        costs = Regrets.of_values(yardstick.halves, choices) if yardstick.halves else None
+        for pair, judged in judged_by.items():
             model, metric = pair
             number = numbers[pair]
+            rank, low, high = ranks[first[pair]]
             row = {
                 "cameras": verdict.cameras,
                 "yardstick": yardstick.name,
@@ -148,6 +150,7 @@ def leaderboard(verdict: CountVerdict, asked: Sequence[tuple[str, str]]) -> list
                 "rank": rank,
                 "rank_ci_low": low,
                 "rank_ci_high": high,
+                "twin_of": "" if first[pair] == pair else "{1} ({0})".format(*first[pair]),
                 "kendall": kendall(number, sign * yardstick.number),
                 "pearson_log": _pearson_log(number, yardstick, METRICS[metric].higher_is_better),
                 **with_interval("partial_given_visible", partial(judged, of_visible[pair], with_visible)),
@@ -155,39 +158,51 @@ def leaderboard(verdict: CountVerdict, asked: Sequence[tuple[str, str]]) -> list
             for baseline in BASELINES:
                 other = judged_by.get((model, baseline)) or judged_by[asked[0][0], baseline]
                 row |= with_interval(f"minus_{baseline.replace('-', '_')}", judged.minus(other))
-            row |= _choosing(number, yardstick)
-            rows.append(row)
+            row |= _choosing(picked[pair], costs, chance)
+            rows.append(row | {"top_tenth_hits": top_hits(number, sign * yardstick.number, TOP_SHARE)})
     return rows
 
 
-def _choosing(number: Floats, yardstick: Yardstick) -> Row:
-    """Regret of choosing one of 5, 20 and 100, the oracle's, and hits among the best tenth."""
+def _choosing(picked: Picked, costs: Regrets | None, chance: Resamples) -> Row:
+    """Regret of choosing one of 5, 20 and 100, the oracle's, and what the one is over the other.
+
+    A regret is a share of the best: it needs a yardstick that is a positive number, and halves of it.
+    """
     row: Row = {}
+    unknown = chance.judged(float("nan"), np.full(len(chance.points), np.nan))
     for size in CHOICES:
-        lost = oracle = np.array([np.nan])
-        # A regret is a share of the best: it needs a yardstick that is a positive number.
-        if yardstick.halves is not None and yardstick.higher_is_better:
-            lost, oracle = regrets(number, yardstick.halves, size)
+        (lost, median), (oracle, oracle_median) = (
+            (costs.of(picked, size), costs.oracle(size)) if costs else ((unknown, float("nan")),) * 2
+        )
         row |= {
-            f"regret_of_{size}_median": float(np.median(lost)),
-            f"regret_of_{size}_mean": float(lost.mean()),
-            f"oracle_regret_of_{size}_median": float(np.median(oracle)),
+            f"regret_of_{size}_median": median,
+            **with_interval(f"regret_of_{size}_mean", lost),
+            f"oracle_regret_of_{size}_median": oracle_median,
+            **with_interval(f"oracle_regret_of_{size}_mean", oracle),
+            **with_interval(f"regret_over_oracle_of_{size}", lost.minus(oracle)),
         }
-    sign = 1 if yardstick.higher_is_better else -1
-    return row | {"top_tenth_hits": top_hits(number, sign * yardstick.number, TOP_SHARE)}
+    return row
 
 
-def _ranks(judged: Sequence[Judged]) -> list[tuple[int, int, int]]:
-    """Rank of each, 1 the best, and its interval: over the resamples, deviations as in `Judged.interval`."""
-    estimate = np.array([j.estimate for j in judged])
-    order = np.argsort(np.argsort(-np.nan_to_num(estimate, nan=-2.0))) + 1
-    samples = np.array([j.samples for j in judged])
-    known = np.nan_to_num(samples, nan=-2.0)
-    # A resample's ranks are those of statistics as far from their estimates as the crossed spread says.
-    centred = (known - known.mean(axis=1, keepdims=True)) / CROSSED_SPREAD + np.nan_to_num(estimate, nan=-2.0)[:, None]
-    ranks = np.argsort(np.argsort(-centred, axis=0), axis=0) + 1
-    low, high = np.quantile(ranks, [0.025, 0.975], axis=1)
-    return [(int(o), int(a), int(b)) for o, a, b in zip(order, low, high, strict=True)]
+def twins(numbers: Mapping[tuple[str, str], Floats]) -> dict[tuple[str, str], tuple[str, str]]:
+    """For each pair, the first one with the same order of configurations, ties included: itself, or its twin."""
+    seen: dict[bytes, tuple[str, str]] = {}
+    return {pair: seen.setdefault(tie_groups(number).tobytes(), pair) for pair, number in numbers.items()}
+
+
+def ranks_of(judged: Sequence[Judged]) -> list[tuple[int, int, int]]:
+    """Rank of each, 1 the best, and its interval: ranks in draws of all statistics with their common chance.
+
+    A draw moves the statistics along what each camera, view and point does to them.
+    """
+    estimate = np.nan_to_num([j.estimate for j in judged], nan=-2.0)
+    order = np.argsort(np.argsort(-estimate, kind="stable"), kind="stable") + 1
+    moved = estimate + deviations(judged, np.random.default_rng(RANK_DRAWS), RANK_DRAWS)
+    ranks = np.argsort(np.argsort(-moved, axis=1, kind="stable"), axis=1, kind="stable") + 1
+    low, high = np.quantile(ranks, [0.025, 0.975], axis=0)
+    return [
+        (int(o), int(min(np.floor(a), o)), int(max(np.ceil(b), o))) for o, a, b in zip(order, low, high, strict=True)
+    ]
 
 
 def _pearson_log(number: Floats, yardstick: Yardstick, higher_is_better: bool) -> float:
