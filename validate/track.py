@@ -106,9 +106,18 @@ def track_static(
 
 
 def track(
-    information: Floats, pull: Floats, drawable: Bools, process: ProcessModel, rng: np.random.Generator, runs: int
+    information: Floats,
+    pull: Floats,
+    drawable: Bools,
+    process: ProcessModel,
+    rng: np.random.Generator,
+    runs: int,
+    time_constants: tuple[float, float] = (SETTLING_TIME_CONSTANTS, AVERAGED_TIME_CONSTANTS),
 ) -> Tracked:
-    """`track_static` from the trials' Λ (T, N, 3, 3) and y (T, N, 3), summed over the views that detected the point."""
+    """`track_static` from the trials' Λ (T, N, 3, 3) and y (T, N, 3), summed over the views that detected the point.
+
+    `time_constants` of the slowest point pass before the average begins, and in it.
+    """
     points = drawable.shape[1]
     moments, last = np.full((2, points, 3, 3), np.nan), np.full((2, runs, points, 3), np.nan)
     item, start = _start(information, drawable, process)
@@ -116,8 +125,8 @@ def track(
         return Tracked(*moments, *last, steps=0)
     mean_information = embedded(mean_over(information, drawable)[item], process.states)
     slowest = _time_constant_frames(process.A, start, mean_information)
-    settling = max(FEWEST_SETTLING_FRAMES, math.ceil(SETTLING_TIME_CONSTANTS * slowest))
-    averaged = max(FEWEST_AVERAGED_FRAMES, math.ceil(AVERAGED_TIME_CONSTANTS * slowest))
+    settling = max(FEWEST_SETTLING_FRAMES, math.ceil(time_constants[0] * slowest))
+    averaged = max(FEWEST_AVERAGED_FRAMES, math.ceil(time_constants[1] * slowest))
     draws = _Draws(information[:, item], pull[:, item], drawable[:, item], rng)
     moments[:, item], last[:, :, item] = _run(process, start, draws, rng, runs, settling, averaged)
     return Tracked(*moments, *last, steps=settling + averaged)

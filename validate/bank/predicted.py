@@ -82,7 +82,6 @@ class PredictionTask:
 
     Attributes:
         needs: by contender, the metrics that are asked under it.
-        filtered: whether P⁻ and P⁺ are asked for.
     """
 
     cameras: tuple[PTZCamera, ...]
@@ -93,7 +92,6 @@ class PredictionTask:
     process: ProcessModel
     contenders: tuple[Contender, ...]
     needs: Mapping[str, tuple[str, ...]]
-    filtered: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +103,8 @@ class Predicted:
         terms: of those that are, what each point adds, (N,).
         sigma_m: m, σ∞, (N,).
         covariance_m2: m², C of one frame, (N, 3, 3).
-        prior_m2, posterior_m2: m², position blocks of P⁻ and P⁺, (N, 3, 3); None if not asked for.
+        information: 1/m², of one frame that finds the point, (N, 3, 3); the filter's at any process noise.
+        found: probability of that, (N,): 1 where the point is observable, else 0.
         visible: (c, N).
     """
 
@@ -113,8 +112,8 @@ class Predicted:
     terms: Mapping[str, Floats]
     sigma_m: Floats
     covariance_m2: Floats
-    prior_m2: Floats | None
-    posterior_m2: Floats | None
+    information: Floats
+    found: Floats
     visible: Bools
 
 
@@ -186,7 +185,7 @@ def _predicted(task: PredictionTask, name: str, evaluation: Evaluation) -> Predi
         terms,
         evaluation.sigma_m,
         evaluation.single_frame_covariance,
-        evaluation.covariance[:, :3, :3] if task.filtered else None,
-        evaluation.posterior[:, :3, :3] if task.filtered else None,
+        evaluation.information[:, :3, :3],
+        evaluation.observable.astype(float),
         evaluation.visible,
     )

@@ -58,12 +58,8 @@ def process_levels(training: ViewBank, acquired: Acquired, cameras: int, seed: i
 
 
 def information_of(predicted: Sequence[Predicted]) -> tuple[Floats, Floats]:
-    """1/m², (K, N, 3, 3), of a frame that finds the point, and the probability of that, (K, N), here 0 or 1."""
-    covariance = np.array([found.covariance_m2 for found in predicted])
-    known = np.isfinite(covariance).all(axis=(-2, -1))
-    information = np.zeros_like(covariance)
-    information[known] = np.linalg.inv(covariance[known])
-    return information, known.astype(float)
+    """1/m², (K, N, 3, 3), of a frame that finds the point, and the probability of that, (K, N)."""
+    return np.array([found.information for found in predicted]), np.array([found.found for found in predicted])
 
 
 def filter_terms(information: Floats, found: Floats, process: ProcessModel) -> Floats:

@@ -195,7 +195,6 @@ def predictions(
     configurations: NDArray[np.int64],
     appearance: Appearance | None,
     needs: Mapping[str, tuple[str, ...]] | None = None,
-    filtered: bool = False,
 ) -> list[dict[str, Predicted]]:
     """What each contender says of each configuration; `needs`: by contender, the metrics that are asked (else none)."""
     state = bank.scene.state
@@ -208,7 +207,6 @@ def predictions(
         bank.scene.process,
         tuple(contenders),
         {contender.name: () for contender in contenders} if needs is None else needs,
-        filtered,
     )
     return predict_all(task, configurations.tolist())
 
@@ -230,6 +228,6 @@ def verdict_of(
     needs: dict[str, tuple[str, ...]] = {contender.name: () for contender in contenders}
     for name, metric in asked_pairs(contenders):
         needs[name] += (metric,)
-    predicted = predictions(bank, contenders, configurations, appearance_of(bank.scene, acquired), needs, filtered)
+    predicted = predictions(bank, contenders, configurations, appearance_of(bank.scene, acquired), needs)
     measured = measure_all(data, configurations.tolist(), filtered)
     return CountVerdict(cameras, configurations, measured, predicted, names)
