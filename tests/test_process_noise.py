@@ -50,7 +50,7 @@ def world():
     state = scene.state
     task = PredictionTask(
         bank.cameras, points, state.normals, state.occluders, None, data.process, contenders,
-        {contender.name: () for contender in contenders},
+        {"physical": ("visibility-count", "visible-share"), "ten times too large": ()},
     )  # fmt: skip
     names = [camera.name for camera in bank.cameras]
     chosen = draw_configurations(names, 4, 40, np.random.default_rng(2))
@@ -152,6 +152,8 @@ def test_rows_say_at_each_level_what_pss_adds_to_a_count(world):
     assert abs(coarse["minus_visible_share"]) < 0.01
     assert 0.2 < best["q_over_c_measured"] / best["q_over_c"] < 5
     assert {row["headline"] for row in rows if row["step_mm"] == 1.0} == {"no"}
+    other = of["random-walk", level.q_over_c, "ten times too large", "visibility-count"]
+    assert other["spearman"] == count["spearman"]  # looked up for one, and counted here for the other
 
 
 def test_nees_of_the_filter_has_content_at_the_headline(world):
