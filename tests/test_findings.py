@@ -1,57 +1,280 @@
-"""docs/findings.md says what the tables in results/reference say, to the letter."""
+"""docs/findings.md and its figures give what the tables in results/reference hold, to the letter."""
 
 from __future__ import annotations
 
 import re
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
+from tests.made_up_reference import MODELS, PLACES, write_reference
+from validate.csv_files import csv_text
+from validate.findings.__main__ import run
 from validate.findings.bank import bank_findings
 from validate.findings.budget import budget_findings
+from validate.findings.contenders import CONTENDERS, contenders_in
 from validate.findings.factors import factor_findings
+from validate.findings.figures import digest_in, drawings_of, write_pdf, write_svg
 from validate.findings.page import findings_page
-from validate.findings.tables import read_tables
+from validate.findings.places import places_of_reference
+from validate.findings.sentences import five_sentences
+from validate.findings.tables import markdown_table, read_tables, with_range
 
 ROOT = Path(__file__).parents[1]
 REFERENCE = ROOT / "results" / "reference"
+NUMBER_WITH_INTERVAL = r"−?\d+\.\d+ \[−?\d+\.\d+, −?\d+\.\d+\]"
 
 
 @pytest.fixture(scope="module")
-def tables():
-    return read_tables(REFERENCE / "bank")
+def made_up(tmp_path_factory):
+    """A reference folder with every table that findings are made of."""
+    return write_reference(tmp_path_factory.mktemp("reference"))
+
+
+@pytest.fixture
+def copy(made_up, tmp_path):
+    """The same, to be changed."""
+    return Path(shutil.copytree(made_up, tmp_path / "reference"))
+
+
+def changed(path: Path, change) -> None:
+    """Rewrite a table with `change` applied to each row; rows it returns None for go."""
+    rows = [row for row in map(change, read_tables(path.parent)[path.stem]) if row is not None]
+    head = list(dict.fromkeys(key for row in rows for key in row))
+    path.write_text(csv_text(head, [[row[key] for key in head] for row in rows]), encoding="utf-8")
+
+
+# ---- the page --------------------------------------------------------------------------------------------------------
 
 
 def test_the_page_is_made_from_the_tables():
-    """`python -m validate.findings > docs/findings.md` changes nothing."""
+    """`python -m validate.findings --write` changes nothing."""
     page = (ROOT / "docs" / "findings.md").read_text(encoding="utf-8")
     assert page == findings_page(REFERENCE)
-    for heading in (
-        "In more and in less light",
-        "One factor at a time",
-        "Where the sweeps' errors are from",
-        "If the calibration is wrong",
-        "Two people pass each other",
-    ):
-        assert f"## {heading}" in page
+    for heading in ("One factor at a time", "Where the sweeps' errors are from", "If the calibration is wrong"):
+        assert f"### {heading}" in page
 
 
-def test_another_number_is_another_page(tables):
-    """The sentences follow the tables: a changed figure shows."""
-    text = bank_findings(tables)
-    changed = {name: [dict(row) for row in rows] for name, rows in tables.items()}
-    for row in changed["leaderboard"]:
-        row["spearman"] = "0.123" if row["spearman"] else ""
-    assert bank_findings(changed).count("0.12 [") > 10 > text.count("0.12 [")
+def test_the_figures_of_the_page_show_the_numbers_of_the_tables():
+    """Each holds the digest of the numbers it was drawn from; none is left of an earlier page."""
+    drawings = drawings_of(places_of_reference(REFERENCE))
+    assert drawings
+    figures = ROOT / "docs" / "figures"
+    assert {path.name for path in figures.glob("findings-*")} == {drawing.file for drawing in drawings}
+    assert {drawing.file: digest_in(figures / drawing.file) for drawing in drawings} == {
+        drawing.file: drawing.digest for drawing in drawings
+    }
 
 
-def test_every_finding_has_a_number(tables):
-    """A sentence without a figure is none."""
-    lines = [line for line in bank_findings(tables).splitlines() if line.startswith("- ")]
-    assert len(lines) > 25
-    without = [line for line in lines if not re.search(r"\d", line)]
-    assert len(without) == 1
-    assert without[0].startswith("- The oracle's R are the pixel errors of one half of the trials")
+def test_the_page_opens_with_five_sentences_then_figures_then_tables(made_up):
+    page = findings_page(made_up)
+    numbered = re.findall(r"^(\d)\. \*\*(.+?)\*\* (.+) \*Population: (.+)\*$", page, re.MULTILINE)
+    assert [number for number, *_ in numbered] == ["1", "2", "3", "4", "5"]
+    for _, _, numbers, population in numbered:
+        assert re.search(NUMBER_WITH_INTERVAL, numbers)
+        for condition in ("500 configurations of four cameras", "seven camera places", "registered markers",
+                          "dim light", "perfect calibration", "a closed world"):  # fmt: skip
+            assert condition in population
+    assert page.index("5. **") < page.index("## Figures") < page.index("## Tables")
+    before_tables = page.partition("## Tables")[0]
+    assert not re.search(r"^- ", before_tables, re.MULTILINE)
+
+
+def test_every_contender_is_in_every_table_in_every_place(made_up):
+    """Of ranking, differences, regret and NEES: a row for each R with a number in each place's column."""
+    page = findings_page(made_up)
+    for title in ("How well does it rank?", "What does choosing by it cost?", "Is the error as large as predicted?"):
+        section = page.partition(f"### {title}")[2].partition("###")[0]
+        lines = section.strip().splitlines()
+        table = [line for line in lines if line.startswith("|")]
+        head = [cell.strip() for cell in table[0].strip("|").split("|")]
+        assert len([cell for cell in head if cell.startswith(("room", "atrium", "third"))]) == len(PLACES)
+        for model in MODELS:
+            rows = [line for line in table if f"| {model} |" in line]
+            assert rows, (title, model)
+            assert all(len(re.findall(r"\d", cell)) for line in rows for cell in line.strip("|").split("|")[2:]), model
+
+
+def test_the_third_room_is_named_with_its_commits(copy):
+    words = "The third room is prospective, frozen in commit `0123abc` and judged in commit `4567def`: ρ = 0.96"
+    assert words in findings_page(copy)
+    (copy / "bank-third" / "commits.csv").unlink()
+    assert "prospective" not in findings_page(copy)
+
+
+@pytest.mark.parametrize(
+    "gone",
+    ["bank-third", "bank-dim", "bank", "calibration_error.csv", "bank/process.csv", "bank/size.csv", "bank/ceiling.csv",
+     "bank/leaderboard.csv", "bank/consistency.csv", "bank/differences.csv", "bank/blunders.csv"],
+)  # fmt: skip
+def test_what_is_missing_is_left_out(copy, gone):
+    path = copy / gone
+    shutil.rmtree(path) if path.is_dir() else path.unlink()
+    page = findings_page(copy)
+    assert "nan" not in re.sub(r"\w*nan\w+|\w+nan\w*", "", page)
+    assert drawings_of(places_of_reference(copy))
+
+
+def test_missing_columns_are_left_out(copy):
+    """Tables of an earlier version have no intervals of regret and no oracle's mean."""
+
+    def without(row):
+        return {
+            key: value for key, value in row.items() if not re.match(r"(oracle_)?regret.*(_ci_|mean_ci)|oracle", key)
+        }
+
+    changed(copy / "bank" / "leaderboard.csv", without)
+    page = findings_page(copy)
+    assert "In the room the mean regret is 1.3 % calibrated, 4.5 % physical" in page
+    assert "nan" not in re.sub(r"\w*nan\w+|\w+nan\w*", "", page)
+
+
+def test_no_tables_at_all(tmp_path):
+    page = findings_page(tmp_path)
+    assert page.startswith("# Findings")
+    assert not drawings_of(places_of_reference(tmp_path))
+
+
+# ---- what sentences claim --------------------------------------------------------------------------------------------
+
+
+def claims(reference: Path) -> list[str]:
+    top = read_tables(reference)
+    return [each.claim for each in five_sentences(places_of_reference(reference), top.get("calibration_error", []))]
+
+
+def test_the_claims_follow_the_numbers(copy):
+    """Better than R = I only where the interval of the difference says so; sizes only within a tenth."""
+    first, second, third, fourth, fifth = claims(copy)
+    assert first == "As printed, the paper's metric does not rank better than R = I in any of 6 rooms and lights."
+    assert "ρ of 0.93 or more in 6 rooms and lights" in second
+    assert third.endswith("(q ≈ c), calibrated σ∞ ranks better than counting what is visible.")
+    assert "in 3 of 6 rooms and lights" in fourth
+    assert "costs 4.2 %" in fifth
+    assert "break it" in fifth
+
+    def better(row):
+        ends = {"spearman_difference_ci_low": "0.01"} if row["noise_model"] == "as-printed" else {}
+        return row | ends
+
+    changed(copy / "bank-dim" / "differences.csv", better)
+    assert claims(copy)[0] == "As printed, the paper's metric ranks better than R = I in 1 of 6 rooms and lights."
+    changed(copy / "bank" / "process.csv", lambda row: row | {"minus_visibility_count_ci_low": "-0.01"})
+    assert "in 10 of 12 comparisons" in claims(copy)[2]
+    changed(copy / "bank" / "consistency.csv", lambda row: row | {"nees_per_dof": "1.3"})
+    assert "in 2 of 6 rooms and lights" in claims(copy)[3]
+
+
+def test_frozen_errors_are_named_beside_those_of_each_frame(made_up):
+    page = findings_page(made_up)
+    assert "drawn anew each frame, by 0.001°, to 0.82 [0.77, 0.84]" in page
+    assert "frozen as after a move to a preset, by 0.001°, to 0.57 [0.52, 0.59], in one of 16 draws to 0.30" in page
+
+
+def test_weights_of_the_papers_factors_are_named(copy):
+    assert "Every calibration gives the paper's factors no weight: the fitted R is the physical one times 1.07" in (
+        findings_page(copy)
+    )
+    path = copy / "bank" / "calibrated.toml"
+    path.write_text(path.read_text(encoding="utf-8") + "defocus = 0.2\n", encoding="utf-8")
+    assert "The calibrations give weight to defocus beside" in findings_page(copy)
+
+
+# ---- one bank alone --------------------------------------------------------------------------------------------------
+
+
+def test_a_bank_alone_has_its_sentences_and_tables(made_up):
+    text = bank_findings(read_tables(made_up / "bank"))
+    assert len(re.findall(r"^\d\. \*\*", text, re.MULTILINE)) == 5
+    assert "| atrium |" in text
+    assert "third room" not in text
+
+
+def test_another_number_is_another_page(copy):
+    """The text follows the tables: a changed figure shows."""
+    before = bank_findings(read_tables(copy / "bank"))
+    changed(copy / "bank" / "leaderboard.csv", lambda row: row | {"spearman": "0.123"})
+    after = bank_findings(read_tables(copy / "bank"))
+    assert after.count("0.12 [") > 30 > before.count("0.12 [")
+
+
+# ---- figures ---------------------------------------------------------------------------------------------------------
+
+
+def test_all_figures_are_drawn_from_whole_tables(made_up):
+    names = [drawing.name for drawing in drawings_of(places_of_reference(made_up))]
+    assert names == [f"findings-{name}" for name in ("ranking", "process", "sigma", "regret", "size", "nees")]
+
+
+def test_a_changed_number_changes_the_digest_of_its_figure_alone(copy):
+    before = {drawing.name: drawing.digest for drawing in drawings_of(places_of_reference(copy))}
+    changed(copy / "bank" / "consistency.csv", lambda row: row | {"nees_per_dof": "1.3"})
+    after = {drawing.name: drawing.digest for drawing in drawings_of(places_of_reference(copy))}
+    assert {name for name in before if before[name] != after[name]} == {"findings-nees"}
+
+
+def test_files_of_figures(copy, tmp_path):
+    """SVG with its digest, the same bytes twice; PDF with TrueType fonts."""
+    drawing = next(each for each in drawings_of(places_of_reference(copy)) if each.name == "findings-process")
+    once, again = (write_svg(drawing, folder) for folder in (tmp_path, copy))
+    assert once.read_bytes() == again.read_bytes()
+    assert digest_in(once) == drawing.digest
+    pdf = write_pdf(drawing, tmp_path).read_bytes()
+    assert pdf.startswith(b"%PDF")
+    assert b"/FontFile2" in pdf or b"/CIDFontType2" in pdf or b"/TrueType" in pdf
+
+
+def test_contenders_have_one_order_and_signs_that_tell_them_apart():
+    looks = [(contender.colour, contender.sign, contender.filled) for contender in CONTENDERS]
+    assert len(set(looks)) == len(looks)
+    assert [each.name for each in contenders_in(["mine", "calibrated", "as-printed"])] == [
+        "as-printed",
+        "calibrated",
+        "mine",
+    ]
+
+
+# ---- the command -----------------------------------------------------------------------------------------------------
+
+
+def test_the_command_prints_or_writes(made_up, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("validate.findings.__main__.write_svg", lambda drawing, folder: (folder / drawing.file).touch())
+    monkeypatch.setattr("validate.findings.__main__.write_pdf", lambda drawing, folder: (folder / drawing.name).touch())
+    page = findings_page(made_up)
+    assert run(reference=made_up) == 0
+    assert capsys.readouterr().out == page
+    (tmp_path / "figures").mkdir()
+    assert run(write=True, pdf=tmp_path / "pdf", reference=made_up, docs=tmp_path) == 0
+    assert (tmp_path / "findings.md").read_text(encoding="utf-8") == page
+    shown = re.findall(r"\(figures/(findings-[\w-]+\.svg)\)", page)
+    assert sorted(path.name for path in (tmp_path / "figures").iterdir()) == sorted(shown)
+    assert len(list((tmp_path / "pdf").iterdir())) == len(shown) == 6
+
+
+def test_the_command_refuses_a_folder_that_is_not_there(tmp_path):
+    """A mistyped folder is no page without tables."""
+    command = [sys.executable, "-m", "validate.findings", "--reference", str(tmp_path / "none")]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
+    assert done.returncode == 2
+    assert "none: no such folder" in done.stderr
+
+
+# ---- small tables by hand --------------------------------------------------------------------------------------------
+
+
+def test_numbers_with_and_without_intervals():
+    assert with_range("0.934", "-0.1", "0.98") == "0.93 [−0.10, 0.98]"
+    assert with_range("0.934", "", "") == "0.93"
+    assert with_range("", "", "") == with_range("nan", "", "") == "–"
+
+
+def test_columns_that_are_empty_in_every_row_go():
+    table = markdown_table(["a", "b", "c"], [["1", "–", "2"], ["3", "", "–"]])
+    assert table.splitlines() == ["| a | c |", "|---|---|", "| 1 | 2 |", "| 3 | – |"]
+    assert markdown_table(["a"], []) == ""
 
 
 def test_the_budget_by_hand():
@@ -83,6 +306,6 @@ def test_factors_by_hand():
     ]
     text = factor_findings(rows)
     assert "| exposure time | exposure | −0.50 [−0.60, −0.40] | −0.55 | 0.10 | −0.30 |" in text
-    assert "- physical: the slope lies in the measured one's interval in 1 of 2 sweeps, and is off by 0.30" in text
-    assert text.count("wrong sign") == 1
-    assert "wrong sign in exposure." in text
+    assert "| physical | 1 of 2 | 0.18 | 0.30 | none |" in text
+    # The median of an even number: the mean of the middle two, here of 0 and 0.6.
+    assert "| corrected | 1 of 2 | 0.30 | 0.60 | exposure |" in text

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from validate.findings.tables import Row, all_of, number
+import statistics
+from collections.abc import Sequence
+
+from validate.findings.tables import NOTHING, Row, all_of, markdown_table, number
 
 __all__ = ["factor_findings"]
 
@@ -21,30 +24,27 @@ WORDS = {
 }
 
 
-def factor_findings(rows: list[Row]) -> str:
-    """A table of log-log slopes, and a sentence for each model."""
-    heads = ("what is varied", "sweep", "measured slope", *MODELS)
-    lines = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]
-    sweeps = list(dict.fromkeys(row["sweep"] for row in rows))
-    for sweep in sweeps:
+def factor_findings(rows: Sequence[Row]) -> str:
+    """A table of log-log slopes, and one of how near each model's are."""
+    lines = []
+    for sweep in dict.fromkeys(row["sweep"] for row in rows):
         of_sweep = {row["noise_model"]: row for row in all_of(rows, sweep=sweep)}
         measured = next(iter(of_sweep.values()))
-        slopes = [_slope(of_sweep[model]) if model in of_sweep else "" for model in MODELS]
-        lines.append(
-            "| " + " | ".join((WORDS.get(sweep, sweep), sweep, number(measured, "measured_slope"), *slopes)) + " |"
-        )
-    said = []
+        slopes = (_slope(of_sweep[model]) if model in of_sweep else NOTHING for model in MODELS)
+        lines.append([WORDS.get(sweep, sweep), sweep, number(measured, "measured_slope"), *slopes])
+    near = []
     for model in MODELS:
         of_model = all_of(rows, noise_model=model)
-        inside = [row["sweep"] for row in of_model if _inside(row)]
-        off = sorted(abs(float(row["predicted_slope"]) - float(row["measured_slope"])) for row in of_model)
+        if not of_model:
+            continue
+        inside = [row for row in of_model if _inside(row)]
+        off = [abs(float(row["predicted_slope"]) - float(row["measured_slope"])) for row in of_model]
         wrong = [row["sweep"] for row in of_model if _wrong_sign(row)]
-        sentence = (
-            f"{model}: the slope lies in the measured one's interval in {len(inside)} of {len(of_model)} sweeps, and "
-            f"is off by {off[len(off) // 2]:.2f} in the median, {off[-1]:.2f} at the most"
-        )
-        said.append(sentence + (f"; it has the wrong sign in {', '.join(wrong)}." if wrong else "."))
-    return "\n".join(lines) + "\n\n" + "\n".join(f"- {line}" for line in said)
+        size = (f"{statistics.median(off):.2f}", f"{max(off):.2f}")
+        near.append([model, f"{len(inside)} of {len(of_model)}", *size, ", ".join(wrong) or "none"])
+    slopes_table = markdown_table(["what is varied", "sweep", "measured slope", *MODELS], lines)
+    heads = ["R", "slopes in the measured interval", "off by, median", "off by, at most", "wrong sign"]
+    return slopes_table + "\n\n" + markdown_table(heads, near)
 
 
 def _inside(row: Row) -> bool:

@@ -1,63 +1,71 @@
-"""docs/findings.md, whole, from the tables in results/reference: `python -m validate.findings`."""
+"""docs/findings.md, whole, from the tables in results/reference."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from validate.findings.bank import bank_findings
+from validate.findings.bank import bank_tables
 from validate.findings.budget import budget_findings
 from validate.findings.calibration_error import calibration_error_findings
 from validate.findings.factors import factor_findings
+from validate.findings.figures import drawings_of
 from validate.findings.hallway import hallway_findings
-from validate.findings.light import light_findings
-from validate.findings.tables import read_tables
+from validate.findings.places import Place, places_of_reference
+from validate.findings.sentences import five_sentences, written
+from validate.findings.summary import summary_table
+from validate.findings.tables import folded, read_tables
 
 __all__ = ["findings_page"]
 
 HEAD = """# Findings
 
-Does the prediction hold? Each line is one sentence with its number and 95 % interval. The page is made from the
-tables in [results/reference](../results/reference) by
+Does the PSS metric predict measured 3D error? Five sentences, then [figures](#figures), then [tables](#tables). ρ is
+Spearman's rank correlation between configurations of four cameras, predicted against measured; brackets hold 95 %
+intervals.
+"""
+SUMMARY = """The same in each room and light (four cameras; σ∞ with a random walk; regret in the mean of choices of 20):
+"""
+WORDS = """**What the words mean.** *Registered markers*: printed square markers, found by one detector and localised by
+registration of their ideal image. *Dim light*: white is 100 to 121 electrons, 1 % of full well. *Perfect calibration*:
+cameras are where the prediction puts them. *A closed world*: predictor, estimator and renderer share print, light,
+sensor and lens. `as-printed` and `corrected` are the paper's Eqs. 11–15 with our constants, `identity` is R = I,
+"scaled" is one scalar times it, fitted on training views; `physical` is the marker's Cramér–Rao bound from sensor and
+lens. All of these take a marker as visible if its centre is, as the paper does; "whole markers" asks for all of it.
+`calibrated R` has its R fitted on other views, `calibrated, limits` hard limits of detection too, and `calibrated` a
+smooth probability of detection in place of the limits. [What it is not](limits.md) is a page of its own.
+"""
+OLDER = """The tables of the banks, the factors, the calibration errors and the hallway were measured with an earlier
+search for markers and an earlier registration, and `calibrated` has hard limits in them. Numbers will change when they
+are made again.
+"""
+TABLES = """## Tables
+
+From [results/reference](../results/reference), where `run_sweep.py bank` ([how](bank.md)), `run_sweep.py
+calibration-error`, the factor sweeps and `run_sweep.py schedule hallway` left them. This page and its figures are made
+from them by
 
 ```sh
-.venv/bin/python -m validate.findings > docs/findings.md
+.venv/bin/python -m validate.findings --write
 ```
 
-and the tables by `run_sweep.py bank` ([how](bank.md)), `run_sweep.py calibration-error` and the factor sweeps. The
-bank has held-out views of the room, a calibration fitted on cameras at other places, and a second room. ρ is
-Spearman's rank correlation between configurations of one camera count, "points" that of predicted and measured RMS
-over all points of all configurations. Noise models: `physical` is the marker's Cramér–Rao bound from sensor and lens;
-`as-printed` and `corrected` are the paper's Eqs. 11–15 with our constants; `identity` is R = I. All of these take a
-marker as seen if its centre is, as the paper does; "whole markers" asks for all of it, and `calibrated` has R and
-limits of detection fitted on other views.
-
-The tables of the banks, the factors, the calibration errors and the hallway were measured with an earlier search for
-markers and an earlier registration. The present search finds more of them (of those predicted visible in the room's
-zoom sweep 83 % in place of 73 %; `benchmarks/README.md` has other scenes), so that what is reported below of markers
-that are missed, and every number that they enter, will change when these tables are made again. The section on the
-sweeps is of the present ones.
+(`--pdf DIR` writes the figures for print.) What a column means: [the bank's tables](bank.md).
 """
-LIGHT = """## In more and in less light
-
-The exposure decides how many electrons a marker has. Banks of half as many settings and one render of each, with a
-quarter and with four times the exposure, calibrated in their own light; ρ of single-frame PSS within four cameras:
-"""
-FACTORS = """## One factor at a time
+FACTORS = """### One factor at a time
 
 Slopes of ln RMS over ln factor on the points that all steps have in common; 1 is "in proportion", 95 % intervals over
 trials and points:
 """
-BUDGET = """## Where the sweeps' errors are from
+BUDGET = """### Where the sweeps' errors are from
 
 Measured over predicted single-frame PSS (`physical`), as a product of four factors, lowest and highest over the steps
 ([what each exchanges](report.md#the-error-budget)):
 """
-CALIBRATION_ERROR = """## If the calibration is wrong
+CALIBRATION_ERROR = """### If the calibration is wrong
 
-Pan, tilt, focal length and place of each camera off by an unknown error of the given σ, new for every frame
+Pan, tilt, focal length and place of each camera off by an unknown error of the given σ
 ([how](bank.md#errors-of-calibration)):
 """
-HALLWAY = """## Two people pass each other
+HALLWAY = """### Two people pass each other
 
 The paper's dynamic scene, with four cameras under five strategies ([how](hallway.md)); 95 % intervals of ρ by blocks
 of steps, of all else over trials and markers:
@@ -65,20 +73,32 @@ of steps, of all else over trials and markers:
 
 
 def findings_page(reference: Path) -> str:
-    """The page's text, in Markdown."""
-    parts = [HEAD, bank_findings(read_tables(reference / "bank"))]
-    lights = {"× ¼": "bank-dim", "as it is": "bank", "× 4": "bank-bright"}
-    if all((reference / folder).is_dir() for folder in lights.values()):
-        parts.append(
-            LIGHT + "\n" + light_findings({name: read_tables(reference / f) for name, f in lights.items()}) + "\n"
-        )
-    if (reference / "factors" / "slopes.csv").exists():
-        parts.append(FACTORS + "\n" + factor_findings(list(read_tables(reference / "factors")["slopes"])) + "\n")
-    if (reference / "configurations.csv").exists():
-        parts.append(BUDGET + "\n" + budget_findings(read_tables(reference)["configurations"]) + "\n")
-    if (reference / "calibration_error.csv").exists():
-        rows = list(read_tables(reference)["calibration_error"])
-        parts.append(CALIBRATION_ERROR + "\n" + calibration_error_findings(rows) + "\n")
-    if (reference / "hallway").is_dir():
-        parts.append(HALLWAY + "\n" + hallway_findings(read_tables(reference / "hallway")) + "\n")
+    """The page's text, in Markdown; what has no tables is left out."""
+    places = places_of_reference(reference)
+    top = read_tables(reference)
+    errors = top.get("calibration_error", [])
+    parts = [HEAD, written(five_sentences(places, errors)) + "\n"]
+    if summary := summary_table(places):
+        parts.append(f"{SUMMARY}\n{summary}\n")
+    parts.append(WORDS)
+    if _older(places):
+        parts.append(OLDER)
+    if figures := drawings_of(places):
+        shown = "\n\n".join(f"![{each.alt}](figures/{each.file})\n\n{each.caption}" for each in figures)
+        parts.append(f"## Figures\n\n{shown}\n")
+    parts += [TABLES, bank_tables(places) + "\n"]
+    if slopes := read_tables(reference / "factors").get("slopes"):
+        parts.append(FACTORS + "\n" + factor_findings(list(slopes)) + "\n")
+    if configurations := top.get("configurations"):
+        parts.append(BUDGET + "\n" + budget_findings(configurations) + "\n")
+    if errors:
+        parts.append(CALIBRATION_ERROR + "\n" + calibration_error_findings(list(errors)) + "\n")
+    hallway = read_tables(reference / "hallway")
+    if {"agreement", "claims", "strategies", "ranking"} <= set(hallway):
+        parts.append(HALLWAY + "\n" + folded("Strategies, claims and walk", hallway_findings(hallway)) + "\n")
     return "\n".join(parts)
+
+
+def _older(places: list[Place]) -> bool:
+    """Tables from before process noise was a factor of the bank."""
+    return bool(places) and not any(place.rows("process") for place in places)

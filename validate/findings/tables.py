@@ -1,26 +1,50 @@
-"""Rows of CSV files, and how their numbers are said."""
+"""Rows of CSV files, and how their numbers and tables are written.
+
+A column that a file does not have reads as "", and what is "" is left out or shown as "–": tables of an earlier version
+lack columns, and a page is made from what is there.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from validate.csv_files import read_csv
 
-__all__ = ["Row", "Tables", "all_of", "number", "one_of", "percent", "read_tables", "with_range"]
+__all__ = [
+    "NOTHING",
+    "Row",
+    "Tables",
+    "all_of",
+    "bounds",
+    "first_of",
+    "folded",
+    "markdown_table",
+    "number",
+    "one_of",
+    "percent",
+    "percent_with_range",
+    "read_tables",
+    "value_of",
+    "with_range",
+]
 
 Row = Mapping[str, str]
 Tables = Mapping[str, Sequence[Row]]
 
+# What a table's cell shows where there is no number.
+NOTHING = "–"
+
 
 def read_tables(folder: Path) -> dict[str, list[dict[str, str]]]:
-    """The CSV files of a folder, by name without the ending."""
-    return {path.stem: read_csv(path) for path in sorted(folder.glob("*.csv"))}
+    """The CSV files of a folder, by name without the ending; none for a folder that is not there."""
+    return {path.stem: [dict(row) for row in read_csv(path)] for path in sorted(folder.glob("*.csv"))}
 
 
 def all_of(rows: Sequence[Row], **wanted: str) -> list[Row]:
     """The rows that have these values."""
-    return [row for row in rows if all(row[key] == value for key, value in wanted.items())]
+    return [row for row in rows if all(row.get(key, "") == value for key, value in wanted.items())]
 
 
 def one_of(rows: Sequence[Row], **wanted: str) -> Row:
@@ -28,18 +52,62 @@ def one_of(rows: Sequence[Row], **wanted: str) -> Row:
     return all_of(rows, **wanted)[0]
 
 
-def number(row: Row, name: str) -> str:
+def first_of(rows: Sequence[Row], **wanted: str) -> Row | None:
+    """The first of them; None if there is none."""
+    return next(iter(all_of(rows, **wanted)), None)
+
+
+def value_of(row: Row | None, name: str) -> float:
+    """A number; nan where there is no row, no such column, or nothing in it."""
+    return float((row or {}).get(name) or "nan")
+
+
+def bounds(row: Row | None, name: str) -> tuple[float, float, float]:
+    """A number and the ends of its 95 % interval, from columns `name`, `name`_ci_low and `name`_ci_high; nan if not."""
+    value, low, high = (value_of(row, key) for key in (name, f"{name}_ci_low", f"{name}_ci_high"))
+    return value, low, high
+
+
+def number(row: Row | None, name: str) -> str:
     """A number with its 95 % interval, in columns `name`, `name`_ci_low and `name`_ci_high."""
-    return with_range(*(row.get(key, "") for key in (name, f"{name}_ci_low", f"{name}_ci_high")))
+    return with_range(*((row or {}).get(key, "") for key in (name, f"{name}_ci_low", f"{name}_ci_high")))
 
 
 def with_range(value: str, low: str, high: str) -> str:
-    """0.93 [0.85, 0.98]."""
-    if not value:
-        return "undefined"
-    return f"{float(value):.2f} [{float(low or 'nan'):.2f}, {float(high or 'nan'):.2f}]".replace("-", "−")
+    """0.93 [0.85, 0.98]; the number alone where it has no interval."""
+    if math.isnan(float(value or "nan")):
+        return NOTHING
+    said = f"{float(value):.2f}"
+    if not any(math.isnan(float(end or "nan")) for end in (low, high)):
+        said += f" [{float(low):.2f}, {float(high):.2f}]"
+    return said.replace("-", "−")
 
 
 def percent(value: str) -> str:
     """12.3 %."""
-    return f"{100 * float(value):.1f} %"
+    return f"{100 * float(value):.1f} %" if value else NOTHING
+
+
+def percent_with_range(row: Row | None, name: str) -> str:
+    """0.7 % [0.4, 1.1]; without what is not there."""
+    value, low, high = (100 * number for number in bounds(row, name))
+    if math.isnan(value):
+        return NOTHING
+    said = f"{value:.1f} %"
+    if not (math.isnan(low) or math.isnan(high)):
+        said += f" [{low:.1f}, {high:.1f}]"
+    return said.replace("-", "−")
+
+
+def markdown_table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table; columns in which no row has anything are left out, and it is "" without rows."""
+    if not rows:
+        return ""
+    kept = [place for place in range(len(heads)) if place == 0 or any(row[place] not in ("", NOTHING) for row in rows)]
+    lines = [f"| {' | '.join(row[place] for place in kept)} |" for row in (heads, *rows)]
+    return "\n".join([lines[0], "|" + "---|" * len(kept), *lines[1:]])
+
+
+def folded(summary: str, body: str) -> str:
+    """A part that a browser opens by a click and plain Markdown shows as it is; "" without a body."""
+    return f"<details>\n<summary>{summary}</summary>\n\n{body}\n\n</details>" if body else ""

@@ -1,0 +1,248 @@
+"""The findings' figures, for the page and for print; every contender in every place, in one order and colour."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from validate.drawing import plt
+from validate.findings.contenders import Contender, contenders_in
+from validate.findings.forest import Axis, Mark, Panel, forest, style
+from validate.findings.places import COUNT, SINGLE_FRAME, Place
+from validate.findings.process import at_headline
+from validate.findings.process_figure import process_curves, process_figure
+from validate.findings.size_figure import size_curves, size_figure
+from validate.findings.tables import Row, all_of, bounds, first_of
+from validate.store import atomic_path
+
+__all__ = ["Drawing", "digest_in", "drawings_of", "write_pdf", "write_svg"]
+
+# Of the page's width, for print: 7 inches, with words of 7 pt.
+PRINT_SCALE = 7.0 / 11.0
+MOTION = "random-walk"
+COUNT_ROW, CEILING_ROW = "counting visible points", "one half by the other half"
+SPLIT_HALVES = "split halves, configurations"
+DIGEST = "made from "
+PERCENT = 100.0
+# NEES over its degrees of freedom that is called right, and the range of the axis.
+RIGHT, NEES_RANGE = (0.9, 1.1), (0.5, 8.0)
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure that can be drawn at a scale.
+
+    Attributes:
+        name: of the file, without ending.
+        alt: what is seen, for those who do not see it.
+        caption: below it on the page.
+        data: the numbers that are in it.
+        draw: at a scale, 1 for the page.
+    """
+
+    name: str
+    alt: str
+    caption: str
+    data: str
+    draw: Callable[[float], Figure]
+
+    @property
+    def file(self) -> str:
+        """The page's file."""
+        return f"{self.name}.svg"
+
+    @property
+    def digest(self) -> str:
+        """Of the numbers, the same on every machine, which the bytes of a drawing are not."""
+        return hashlib.sha256(f"{self.name}\n{self.data}".encode()).hexdigest()[:16]
+
+
+def drawings_of(places: Sequence[Place]) -> list[Drawing]:
+    """Those that there are tables for."""
+    makers = (_ranking, _process, _sigma, _regret, _size, _nees)
+    return [drawing for maker in makers if (drawing := maker(places)) is not None]
+
+
+def write_svg(drawing: Drawing, folder: Path) -> Path:
+    """For the page; its description holds the digest of the numbers."""
+    return _write(drawing, folder / drawing.file, 1.0, {"Date": None, "Description": DIGEST + drawing.digest})
+
+
+def write_pdf(drawing: Drawing, folder: Path) -> Path:
+    """For print, 7 inches wide, with its fonts."""
+    return _write(drawing, folder / f"{drawing.name}.pdf", PRINT_SCALE, {"CreationDate": None})
+
+
+def digest_in(path: Path) -> str:
+    """The digest that an SVG file of `write_svg` was made from; "" if it has none."""
+    _, found, rest = path.read_text(encoding="utf-8").partition(DIGEST)
+    return rest[:16] if found else ""
+
+
+def _write(drawing: Drawing, path: Path, scale: float, metadata: dict[str, str | None]) -> Path:
+    figure = drawing.draw(scale)
+    with style(scale), atomic_path(path) as temporary:
+        figure.savefig(temporary, format=path.suffix[1:], metadata=metadata)
+    plt.close(figure)
+    return path
+
+
+def _ranking(places: Sequence[Place]) -> Drawing | None:
+    def marks(place: Place, model: Contender) -> Mark | None:
+        return _mark(place.ranked(model.name), "spearman", model)
+
+    extra = {
+        COUNT_ROW: lambda place: place.ranked("physical", COUNT),
+        CEILING_ROW: lambda place: first_of(place.rows("ceiling"), cameras="4", ceiling=SPLIT_HALVES),
+    }
+    lows = [value for place in places for model in place.models for value in bounds(place.ranked(model), "spearman")]
+    lows += [value for place in places for value in bounds(place.ranked("physical", COUNT), "spearman")]
+    known = [value for value in lows if not math.isnan(value)]
+    tenths = math.floor(10 * min(known, default=0.0))
+    ticks = tuple(tenth / 10 for tenth in range(tenths, 11) if tenth % 2 == 0)
+    axis = Axis("Spearman's ρ with measured PSS", tenths / 10, 1.0, ticks)
+    return _forest(
+        "findings-ranking",
+        "Does it rank? Single-frame PSS against measured PSS, four cameras",
+        "Forest plot: rank correlation of each R with measured single-frame PSS, in each room and light.",
+        "**Ranking.** ρ of single-frame PSS with measured PSS within four cameras, with 95 % intervals. A scalar "
+        "times R changes nothing here.",
+        places, marks, extra, axis,
+    )  # fmt: skip
+
+
+def _sigma(places: Sequence[Place]) -> Drawing | None:
+    def marks(place: Place, model: Contender) -> Mark | None:
+        return _mark(at_headline(place, model.name, MOTION), "minus_visibility_count", model)
+
+    ticks = (-0.6, -0.4, -0.2, 0.0, 0.2, 0.4, 0.6)
+    axis = Axis("ρ of σ∞ less ρ of the count of visible points, paired", -0.6, 0.6, ticks, line=0.0)
+    return _forest(
+        "findings-sigma",
+        "Is σ∞ more than a count? Where process and measurement weigh alike (q ≈ c)",
+        "Forest plot: rank correlation of σ∞ less that of the count of visible points, by R and place.",
+        "**σ∞ less counting.** A random walk at q ≈ c. Right of the line σ∞ ranks better than the count "
+        "of what the same contender takes as visible.",
+        places, marks, {}, axis,
+    )  # fmt: skip
+
+
+def _regret(places: Sequence[Place]) -> Drawing | None:
+    def marks(place: Place, model: Contender) -> Mark | None:
+        return _mark(place.ranked(model.name), "regret_of_20_mean", model, PERCENT)
+
+    def oracle(place: Place) -> Row | None:
+        rows = all_of(place.rows("leaderboard"), cameras="4", yardstick=SINGLE_FRAME, metric="pss-single-frame")
+        return rows[0] if rows else None
+
+    top = max((value for p in places for m in p.models for value in bounds(p.ranked(m), "regret_of_20_mean")
+               if not math.isnan(value)), default=0.0)  # fmt: skip
+    step = 5.0 if PERCENT * top <= 25 else 10.0
+    high = step * math.ceil(max(PERCENT * top, 1.0) / step)
+    ticks = tuple(step * number for number in range(int(high / step) + 1))
+    extra = {"oracle": oracle}
+    return _forest(
+        "findings-regret",
+        "What does choosing by it cost? The best of 20 by single-frame PSS",
+        "Forest plot: mean regret of choosing the best of 20 configurations by each R, in each room and light.",
+        "**Regret.** What the chosen one of 20 loses of the best measured PSS, in the mean, beside the oracle, who "
+        "chooses by the other half of the trials.",
+        places, marks, extra, Axis("mean regret, % of the best measured PSS", 0.0, high, ticks),
+        extra_column="oracle_regret_of_20_mean", factor=PERCENT,
+    )  # fmt: skip
+
+
+def _nees(places: Sequence[Place]) -> Drawing | None:
+    def marks(place: Place, model: Contender) -> Mark | None:
+        return _mark(place.sized(model.name), "nees_per_dof", model)
+
+    axis = Axis("NEES/3 of single-frame errors (1 is right; above it errors are larger than predicted)", *NEES_RANGE,
+                (0.5, 0.7, 1, 1.5, 2, 3, 5, 8), log=True, band=RIGHT, line=1.0)  # fmt: skip
+    return _forest(
+        "findings-nees",
+        "Is the error as large as predicted?",
+        "Forest plot: NEES over its degrees of freedom of single-frame errors, by R, in each room and light.",
+        "**Size.** NEES over its degrees of freedom; the band is 0.9 to 1.1. An arrow at the edge has the number of "
+        "what lies beyond it.",
+        places, marks, {}, axis,
+    )  # fmt: skip
+
+
+def _forest(
+    name: str,
+    title: str,
+    alt: str,
+    caption: str,
+    places: Sequence[Place],
+    marks: Callable[[Place, Contender], Mark | None],
+    extra: dict[str, Callable[[Place], Row | None]],
+    axis: Axis,
+    extra_column: str = "spearman",
+    factor: float = 1.0,
+) -> Drawing | None:
+    models = contenders_in(model for place in places for model in place.models)
+    panels = []
+    for place in places:
+        of_place = [marks(place, model) for model in models]
+        if not any(of_place):
+            continue
+        for find in extra.values():
+            of_place.append(_mark(find(place), extra_column, _BESIDE, factor))
+        panels.append(Panel(place.title, tuple(of_place)))
+    rows = [model.name for model in models] + list(extra)
+    groups = [model.colour for model in models] + ["beside"] * len(extra)
+    kept = [place for place in range(len(rows)) if any(panel.marks[place] for panel in panels)]
+    if not kept:
+        return None
+    labels, groups = [rows[place] for place in kept], [groups[place] for place in kept]
+    panels = [Panel(panel.title, tuple(panel.marks[place] for place in kept)) for panel in panels]
+    data = "\n".join([", ".join(labels), *(_data(panel) for panel in panels)])
+    return Drawing(name, alt, caption, data, lambda scale: forest(title, labels, groups, panels, axis, scale))
+
+
+def _data(panel: Panel) -> str:
+    return panel.title + ": " + "; ".join(mark.text if mark else "" for mark in panel.marks)
+
+
+_BESIDE = Contender("beside", "#222222", "X", True)
+
+
+def _mark(row: Row | None, column: str, model: Contender, factor: float = 1.0) -> Mark | None:
+    value, low, high = (factor * number for number in bounds(row, column))
+    return None if math.isnan(value) else Mark(value, low, high, model.colour, model.sign, model.filled)
+
+
+def _process(places: Sequence[Place]) -> Drawing | None:
+    curves = process_curves(places)
+    if not curves:
+        return None
+    return Drawing(
+        "findings-process",
+        "Curves: rank correlation of PSS by σ∞ and of the count of visible points over the ratio of process noise to "
+        "measurement noise.",
+        "**Process noise.** ρ of σ∞ with the filter's measured PSS over q/c, the variance of the process over that of "
+        "the measurement, a frame, for the rooms in "
+        "their own light. Shaded: 95 % intervals of the calibrated and of the count. Far right σ∞ is a count.",
+        "\n".join(map(str, curves)),
+        lambda scale: process_figure(curves, scale),
+    )
+
+
+def _size(places: Sequence[Place]) -> Drawing | None:
+    curves = size_curves(places)
+    if not curves:
+        return None
+    return Drawing(
+        "findings-size",
+        "Measured against predicted error of points on logarithmic axes, a panel for each room and light; on the "
+        "diagonal they agree.",
+        "**Predicted and measured error.** Medians of the measured RMS of points in bins of the predicted, with "
+        "their quartiles where it is calibrated. What lies off the axes is named.",
+        "\n".join(map(str, curves)),
+        lambda scale: size_figure(curves, scale),
+    )

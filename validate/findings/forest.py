@@ -1,0 +1,209 @@
+"""Forest plots: a row for each contender, a panel for each place, a sign with its 95 % interval in each."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import pairwise
+
+import matplotlib
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, NullFormatter, NullLocator
+
+from validate.drawing import plt
+
+__all__ = ["Axis", "Mark", "Panel", "columns_for", "forest", "style"]
+
+WIDTH_IN = 11.0
+ROW_IN, PANEL_IN, FIGURE_IN = 0.27, 0.75, 0.75
+# Signs, of a row's height at most.
+SIGN_PT, LINE_PT = 7.0, 1.8
+BAND, GRID, INK = "#F3F3F3", "#DDDDDD", "#222222"
+FONT_PT = 11.0
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A row's number with its interval; nan ends have no interval, a nan value is not drawn."""
+
+    value: float
+    low: float
+    high: float
+    colour: str
+    sign: str
+    filled: bool
+
+    @property
+    def text(self) -> str:
+        """The numbers, as they enter the figure's digest."""
+        return f"{self.value:.4g} {self.low:.4g} {self.high:.4g}"
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A place: its title, and a mark or None for each row."""
+
+    title: str
+    marks: tuple[Mark | None, ...]
+
+
+@dataclass(frozen=True)
+class Axis:
+    """The x axis that all panels share.
+
+    Attributes:
+        label: with the unit.
+        low, high: marks beyond them become an arrow at the edge with their number.
+        ticks: with what is written at them.
+        log: whether it is logarithmic.
+        band: from, to: a range that is right, shaded.
+        line: a value with a line through all rows.
+    """
+
+    label: str
+    low: float
+    high: float
+    ticks: tuple[float, ...]
+    log: bool = False
+    band: tuple[float, float] | None = None
+    line: float | None = None
+
+
+@contextmanager
+def style(scale: float) -> Iterator[None]:
+    """Sizes of all text and lines, times `scale`; fonts that stay text in PDF, and SVG without names by chance."""
+    font = FONT_PT * scale
+    sizes = {
+        "font.size": font,
+        "axes.titlesize": 1.05 * font,
+        "axes.labelsize": font,
+        "xtick.labelsize": 0.92 * font,
+        "ytick.labelsize": 0.95 * font,
+        "legend.fontsize": 0.95 * font,
+        "figure.titlesize": 1.2 * font,
+        "axes.linewidth": 0.8 * scale,
+        "xtick.major.size": 3.5 * scale,
+        "xtick.major.width": 0.8 * scale,
+        "ytick.major.size": 0.0,
+        "ytick.major.pad": 9.0 * scale,
+        "axes.edgecolor": "#888888",
+        "text.color": INK,
+        "axes.labelcolor": INK,
+        "xtick.color": INK,
+        "ytick.color": INK,
+        "figure.facecolor": "white",
+        "savefig.facecolor": "white",
+        "pdf.fonttype": 42,
+        "svg.hashsalt": "findings",
+        "lines.linewidth": LINE_PT * scale,
+        "figure.constrained_layout.w_pad": 0.06 * scale,
+        "figure.constrained_layout.h_pad": 0.06 * scale,
+    }
+    with matplotlib.rc_context(sizes):
+        yield
+
+
+def columns_for(panels: int) -> int:
+    """Columns of a grid of so many panels."""
+    return panels if panels <= 3 else 2 if panels == 4 else 3
+
+
+def forest(
+    title: str, labels: Sequence[str], groups: Sequence[str], panels: Sequence[Panel], axis: Axis, scale: float = 1.0
+) -> Figure:
+    """Draw the panels in a grid.
+
+    Args:
+        labels: of the rows, from the top.
+        groups: of each row; every other group is shaded.
+        scale: of the whole figure; its words are `scale` times 11 pt.
+    """
+    columns = columns_for(len(panels))
+    lines = math.ceil(len(panels) / columns)
+    height = lines * (ROW_IN * len(labels) + PANEL_IN) + FIGURE_IN
+    with style(scale):
+        figure, grid = plt.subplots(
+            lines,
+            columns,
+            figsize=(WIDTH_IN * scale, height * scale),
+            sharex=True,
+            sharey=True,
+            squeeze=False,
+            layout="constrained",
+        )
+        figure.suptitle(title, x=0.01, ha="left", weight="bold")
+        places = grid.ravel().tolist()
+        for axes, panel in zip(places, panels, strict=False):
+            _panel(axes, panel, labels, groups, axis, scale)
+        for axes in places[len(panels) :]:
+            axes.set_visible(False)
+        for number, axes in enumerate(places[: len(panels)]):
+            # The lowest of its column has the numbers, as the panel below it may be missing.
+            if number + columns >= len(panels):
+                axes.tick_params(axis="x", labelbottom=True)
+        figure.supxlabel(axis.label, fontsize=FONT_PT * scale)
+    return figure
+
+
+def _panel(axes: Axes, panel: Panel, labels: Sequence[str], groups: Sequence[str], axis: Axis, scale: float) -> None:
+    axes.set_title(panel.title, loc="left", weight="bold")
+    if axis.log:
+        axes.set_xscale("log")
+    axes.set_xlim(axis.low, axis.high)
+    axes.xaxis.set_major_locator(FixedLocator(list(axis.ticks)))
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.set_ylim(len(labels) - 0.4, -0.6)
+    axes.set_yticks(range(len(labels)), labels)
+    _shade(axes, groups)
+    axes.grid(axis="x", color=GRID, lw=0.8 * scale, zorder=0)
+    axes.set_axisbelow(True)
+    for side in ("top", "right", "left"):
+        axes.spines[side].set_visible(False)
+    if axis.band:
+        axes.axvspan(*axis.band, color="#BFE3D0", alpha=0.7, lw=0, zorder=1)
+    if axis.line is not None:
+        axes.axvline(axis.line, color="#555555", lw=1.2 * scale, ls=(0, (4, 2)), zorder=1)
+    for row, mark in enumerate(panel.marks):
+        if mark is not None and not math.isnan(mark.value):
+            _mark(axes, row, mark, axis, scale)
+
+
+def _shade(axes: Axes, groups: Sequence[str]) -> None:
+    starts = [0, *(row for row, (a, b) in enumerate(pairwise(groups), 1) if a != b), len(groups)]
+    for number, (first, last) in enumerate(pairwise(starts)):
+        if number % 2 == 0:
+            axes.axhspan(first - 0.5, last - 0.5, color=BAND, lw=0, zorder=0)
+
+
+def _mark(axes: Axes, row: int, mark: Mark, axis: Axis, scale: float) -> None:
+    face = mark.colour if mark.filled else "white"
+    sizes = {"ms": SIGN_PT * scale, "mew": 1.5 * scale, "color": mark.colour, "mfc": face, "clip_on": False}
+    if axis.low <= mark.value <= axis.high:
+        if not (math.isnan(mark.low) or math.isnan(mark.high)):
+            ends = (max(mark.low, axis.low), min(mark.high, axis.high))
+            axes.plot(ends, (row, row), color=mark.colour, lw=LINE_PT * scale, solid_capstyle="round", zorder=3)
+        axes.plot([mark.value], [row], mark.sign, zorder=4, **sizes)
+        return
+    # Beyond the axis: an arrow at its edge, with the number.
+    left = mark.value < axis.low
+    edge = axis.low if left else axis.high
+    axes.plot([edge], [row], "<" if left else ">", zorder=4, **(sizes | {"mfc": mark.colour}))
+    axes.annotate(
+        _few(mark.value),
+        (edge, row),
+        xytext=((9 if left else -9) * scale, 0),
+        textcoords="offset points",
+        ha="left" if left else "right",
+        va="center_baseline",
+        fontsize=0.85 * FONT_PT * scale,
+        color=mark.colour,
+    )
+
+
+def _few(value: float) -> str:
+    return f"{value:.0e}".replace("-0", "-").replace("-", "−") if abs(value) < 1e-3 else f"{value:.1g}"

@@ -1,0 +1,65 @@
+"""σ∞ by the level of process noise, where it measures precision and where it counts points; from process.csv."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from validate.findings.contenders import contenders_in
+from validate.findings.places import COUNT, FILTER, Place
+from validate.findings.tables import NOTHING, Row, all_of, first_of, markdown_table, number, value_of
+
+__all__ = ["MOTIONS", "at_headline", "at_the_scenes", "level_words", "process_table"]
+
+# The kinds of motion in the column `process`, in words.
+MOTIONS = {"random-walk": "random walk", "constant-velocity": "constant velocity"}
+# The level of the scenes' own process noise.
+SCENES_STEP_MM = 1.0
+_LEVEL = ("process", "step_mm", "acceleration_density_m2_s3", "time_step_s")
+# Counts, by the paper's points, in words.
+_COUNTS = {COUNT: "count of visible points", "visible-share": "share of points that two see"}
+
+
+def at_headline(place: Place, model: str, motion: str, metric: str = "pss") -> Row | None:
+    """The row at q ≈ c of a metric under a noise model."""
+    return first_of(place.rows("process"), headline="yes", process=motion, metric=metric, noise_model=model)
+
+
+def at_the_scenes(place: Place, model: str, metric: str = "pss") -> Row | None:
+    """The row at the scenes' own process noise, from process.csv or from the leaderboard of the filter."""
+    rows = all_of(place.rows("process"), process="random-walk", metric=metric, noise_model=model)
+    there = [row for row in rows if math.isclose(value_of(row, "step_mm"), SCENES_STEP_MM)]
+    return there[0] if there else place.ranked(model, metric, FILTER)
+
+
+def level_words(row: Row) -> str:
+    """The kind of motion and how strong it is: "random walk, 0.05 mm a frame"."""
+    motion = MOTIONS.get(row.get("process", ""), row.get("process", ""))
+    step, density = value_of(row, "step_mm"), value_of(row, "acceleration_density_m2_s3")
+    strength = "" if math.isnan(density) else f"{density:.2g} m²/s³"
+    strength = strength if math.isnan(step) else f"{step:.2g} mm a frame"
+    return ", ".join(filter(None, (motion, strength)))
+
+
+def process_table(places: Sequence[Place]) -> str:
+    """ρ of σ∞ by place, process and level under every contender, and of the counts of the paper's points."""
+    rows = []
+    models = contenders_in(row["noise_model"] for place in places for row in place.rows("process"))
+    for place in places:
+        table = place.rows("process")
+        for level in dict.fromkeys(tuple(row.get(key, "") for key in _LEVEL) for row in table):
+            here = [row for row in table if tuple(row.get(key, "") for key in _LEVEL) == level]
+            pss = {row["noise_model"]: row for row in all_of(here, metric="pss")}
+            ratio = value_of(here[0], "q_over_c")
+            words = level_words(here[0])
+            rows.append(
+                [
+                    place.title,
+                    f"**{words}**" if here[0].get("headline") == "yes" else words,
+                    f"{ratio:.2g}" if math.isfinite(ratio) else NOTHING,
+                    *(number(pss.get(model.name), "spearman") for model in models),
+                    *(number(first_of(here, metric=metric, noise_model="physical"), "spearman") for metric in _COUNTS),
+                ]
+            )
+    heads = ["where", "process noise", "q / c", *(model.name for model in models), *_COUNTS.values()]
+    return markdown_table(heads, rows)

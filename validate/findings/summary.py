@@ -1,0 +1,46 @@
+"""The numbers of the five sentences in each room and light, as one table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from validate.findings.contenders import IDENTITY, PRINTED
+from validate.findings.places import COUNT, Place
+from validate.findings.process import at_headline, at_the_scenes
+from validate.findings.tables import NOTHING, markdown_table, number, percent_with_range
+
+__all__ = ["summary_table"]
+
+CALIBRATED, PHYSICAL, WHOLE = "calibrated", "physical", "physical, whole markers"
+WALK, REGRET, NEES = "random-walk", "regret_of_20_mean", "nees_per_dof"
+# Each row: what it is, and its number in a place.
+ROWS: tuple[tuple[str, Callable[[Place], str]], ...] = (
+    ("1 · ρ as printed", lambda place: number(place.ranked(PRINTED), "spearman")),
+    ("1 · ρ of R = I", lambda place: number(place.ranked(IDENTITY), "spearman")),
+    ("1 · paired difference", lambda place: number(place.less(PRINTED, IDENTITY), "spearman_difference")),
+    ("2 · ρ calibrated", lambda place: number(place.ranked(CALIBRATED), "spearman")),
+    ("2 · ρ physical", lambda place: number(place.ranked(PHYSICAL), "spearman")),
+    ("2 · ρ physical, whole markers", lambda place: number(place.ranked(WHOLE), "spearman")),
+    ("3 · ρ of σ∞ at q ≈ c", lambda place: number(at_headline(place, CALIBRATED, WALK), "spearman")),
+    ("3 · ρ of its count", lambda place: number(at_headline(place, CALIBRATED, WALK, COUNT), "spearman")),
+    (
+        "3 · paired difference",
+        lambda place: number(at_headline(place, CALIBRATED, WALK), "minus_visibility_count"),
+    ),
+    ("3 · ρ of σ∞, 1 mm a frame", lambda place: number(at_the_scenes(place, CALIBRATED), "spearman")),
+    ("4 · NEES/3 calibrated", lambda place: number(place.sized(CALIBRATED), NEES)),
+    ("4 · NEES/3 physical", lambda place: number(place.sized(PHYSICAL), NEES)),
+    ("4 · NEES/3 physical, whole markers", lambda place: number(place.sized(WHOLE), NEES)),
+    ("5 · regret calibrated", lambda place: percent_with_range(place.ranked(CALIBRATED), REGRET)),
+    ("5 · regret of the oracle", lambda place: percent_with_range(place.ranked(CALIBRATED), f"oracle_{REGRET}")),
+    ("5 · regret physical", lambda place: percent_with_range(place.ranked(PHYSICAL), REGRET)),
+    ("5 · regret as printed", lambda place: percent_with_range(place.ranked(PRINTED), REGRET)),
+    ("5 · regret of R = I", lambda place: percent_with_range(place.ranked(IDENTITY), REGRET)),
+)
+
+
+def summary_table(places: Sequence[Place]) -> str:
+    """A column for each place; rows without any number are left out."""
+    rows = [[words, *(find(place) for place in places)] for words, find in ROWS]
+    there = [row for row in rows if any(cell != NOTHING for cell in row[1:])]
+    return markdown_table(["sentence", *(place.title for place in places)], there)
