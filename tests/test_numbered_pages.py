@@ -105,6 +105,7 @@ def constants() -> list[str]:
             f"{codes.EXIT_MISTAKE} your mistake, or a full disk; {codes.EXIT_BROKEN} an error of the program; "
             f"{codes.EXIT_INTERRUPTED} interrupted"
         ),
+        "Linux x86_64",
         "the paper's Eq. 10",
         "Figures 1 to 3",
         "the paper's Figure 1",

@@ -9,7 +9,7 @@ from pathlib import Path
 from pss.noise import CALIBRATION_FACTORS, Calibration
 from validate.findings.blocks_of_sweeps import table_text
 from validate.findings.calibration_error import calibration_error_sentences
-from validate.findings.tables import Row, Tables, all_of, number, read_tables
+from validate.findings.tables import Row, Tables, all_of, number, percent, read_tables
 
 __all__ = ["BANK_BLOCKS"]
 
@@ -167,6 +167,34 @@ def _process(reference: Path) -> str:
     )
 
 
+def _under(reference: Path) -> str:
+    """How calibrated PSS ranks by the share of points within 5 mm."""
+    room = _banks(reference)[0]
+    row = room.ranked("calibrated", PSS, "share_under_5mm")
+    if row is None:
+        return f"ρ = {NONE}"
+    others = sum(bool(other["spearman"]) for other in room.rows("leaderboard", yardstick="share_under_5mm"))
+    rank = f"{row['rank']} [{row['rank_ci_low']}, {row['rank_ci_high']}]"
+    return f"ρ = {_number(row, 'spearman')} and the rank {rank} of {others}"
+
+
+def _tied(reference: Path) -> str:
+    """How many pairs of metric and noise model reach into the rank of calibrated PSS."""
+    room = _banks(reference)[0]
+    own = room.ranked("calibrated")
+    if own is None:
+        return NONE
+    low, high = int(own["rank_ci_low"]), int(own["rank_ci_high"])
+    rows = [row for row in room.rows("leaderboard", yardstick=FRAME) if row is not own and row["spearman"]]
+    return str(sum(int(row["rank_ci_low"]) <= high and low <= int(row["rank_ci_high"]) for row in rows))
+
+
+def _missed(reference: Path) -> str:
+    """Of all pairs of a view and a marker, those predicted visible and missed, by what counts as visible."""
+    rows = read_tables(reference / "bank")["detection"]
+    return ", ".join(f"{percent(row['visible_missed'])} by {row['visibility']}" for row in rows)
+
+
 def _weights(reference: Path) -> str:
     """Which of the paper's factors the calibrations give a weight."""
     fitted = {}
@@ -191,5 +219,8 @@ BANK_BLOCKS: Mapping[str, Callable[[Path], str]] = {
     "banks: sizes": _sizes,
     "banks: process": _process,
     "banks: weights": _weights,
+    "banks: within 5 mm": _under,
+    "banks: tied": _tied,
+    "banks: missed": _missed,
     "calibration errors: sentences": _calibration_errors,
 }
