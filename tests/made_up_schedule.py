@@ -12,10 +12,11 @@ from pss.ptz import PTZLimits, follow
 from scenes import load_scene
 from scenes.schedule_file import load_schedule
 from tests.made_up_run import CERTIFICATE, made_up_view
-from tests.test_hallway_study import acquired_of
+from tests.test_hallway_study import acquired_of, levels_at
 from validate.compare import correlation_rows
 from validate.hallway.agreement import agreement_rows
 from validate.hallway.claims import claim_rows
+from validate.hallway.process_rows import process_rows
 from validate.hallway.ranking import ranking_rows, strategy_rows
 from validate.hallway.report.files import of_schedule, write_schedule_report
 from validate.hallway.results import result_of
@@ -56,7 +57,7 @@ def made_up_schedule(folder: Path) -> SimpleNamespace:
         acquired.certificates[item.request.key] = CERTIFICATE
         save_view(store, made_up_view(item), item.request)
     calibration = Calibration("calibrated", {"brightness-contrast": 1.0}, {})
-    held = assess_held(design, acquired, calibration)
+    held = assess_held(design, acquired, calibration, levels_at(stage))
     # One avatar beside both, since tables have rows of each.
     results = [result_of(held, avatar) for avatar in (stage.names[0], BOTH)]
     both = results[-1]
@@ -70,6 +71,7 @@ def made_up_schedule(folder: Path) -> SimpleNamespace:
         "strategies": [row for result in results for row in strategy_rows(result)],
         "ranking": [row for result in results for row in ranking_rows(result)],
         "claims": claim_rows(both, None),
+        "process": process_rows(both),
         "runs": run_rows(both),
     }.items():
         write_csv(out / f"{name}.csv", rows)

@@ -1,52 +1,153 @@
-"""The hallway's findings: strategies over the steps of a walk, the paper's claims, and the real walk."""
+"""The hallway's findings: strategies over the steps of a walk, the paper's claims, and the real walk.
+
+Columns, kinds and noise models that older tables lack are left out.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import statistics
+from collections.abc import Iterable, Sequence
 
 from validate.findings.tables import Row, Tables, all_of, number, one_of, with_range
 
 __all__ = ["hallway_findings"]
 
-MODELS = ("as-printed", "corrected", "physical", "physical, whole markers", "calibrated")
+MODELS = (
+    "as-printed",
+    "corrected",
+    "identity",
+    "as-printed, scaled",
+    "corrected, scaled",
+    "identity, scaled",
+    "physical",
+    "physical, whole markers",
+    "calibrated, limits",
+    "calibrated",
+)
 # Yardsticks that sentences are made of; the table has them all.
-SAID = ("measured PSS, filter", "measured PSS, single frame", "share under 0.05 mm", "share under 5 mm", "median RMS")
-OF_THE_PAPER = ("as-printed", "corrected")
-KINDS = ("filter", "single frame")
+SAID = (
+    "measured PSS, filter",
+    "measured PSS, filter, q ≈ c",
+    "measured PSS, single frame",
+    "share under 0.05 mm",
+    "share under 5 mm",
+    "median RMS",
+)
+# Their PSS has an order, but no size.
+OF_THE_PAPER = ("as-printed", "corrected", "identity")
+KINDS = {
+    "filter": "the paper's PSS (σ∞) beside the filter's, at the schedule's own process",
+    "filter, q ≈ c": "the paper's PSS (σ∞) beside the filter's, where process and frame are alike (q ≈ c)",
+    "single frame": "single-frame PSS",
+}
+# Of the table by strategy.
+SHOWN = ("corrected", "physical", "calibrated")
 # Columns of the claims' table.
 SIDES = (("predicted", "corrected"), ("predicted", "calibrated"), ("measured", ""))
 
 
 def hallway_findings(tables: Tables) -> str:
     """Tables and sentences, in Markdown; the real walk's if it was rendered."""
-    parts = [_agreement(tables["agreement"]), _claims(tables["claims"]), _strategies(tables)]
+    parts = [_agreement(tables["agreement"])]
+    if "process" in tables:
+        parts.append(_process(tables["process"]))
+    parts += [_claims(tables["claims"]), _strategies(tables)]
     if "walk_consistency" in tables:
         parts.append(_real_walk(tables["walk_consistency"], tables["walk_misfit"], tables["walk"]))
     return "\n\n".join(parts)
 
 
+def _found(rows: Sequence[Row], column: str, names: Iterable[str]) -> list[str]:
+    """Those of the names that the rows have in a column."""
+    every = {row[column] for row in rows}
+    return [name for name in names if name in every]
+
+
 def _agreement(rows: Sequence[Row]) -> str:
     """Predicted against measured PSS over the steps."""
     chosen = all_of(rows, avatar="both", zoom_limit="none")
-    head = ["strategy", *(f"{model}, {kind}" for kind in KINDS for model in ("corrected", "physical", "calibrated"))]
+    kinds, models = _found(chosen, "kind", KINDS), _found(chosen, "noise_model", MODELS)
+    head = ["strategy", *(f"{model}, {kind}" for kind in kinds for model in SHOWN)]
     lines = [_line(head), "|" + "---|" * len(head)]
     for strategy in dict.fromkeys(row["strategy"] for row in chosen):
         cells = []
-        for kind in KINDS:
-            for model in ("corrected", "physical", "calibrated"):
+        for kind in kinds:
+            for model in SHOWN:
                 row = one_of(chosen, strategy=strategy, kind=kind, noise_model=model)
                 cells.append(f"{number(row, 'spearman')}; {float(row['median_abs_log_ratio']):.2f}")
         lines.append(_line([strategy, *cells]))
     said = []
-    for kind, words in zip(KINDS, ("the paper's PSS (σ∞) beside the filter's", "single-frame PSS"), strict=True):
-        of_all = [one_of(chosen, strategy="all", kind=kind, noise_model=model) for model in MODELS]
+    for kind in kinds:
+        of_all = [one_of(chosen, strategy="all", kind=kind, noise_model=model) for model in models]
         each = "; ".join(f"{row['noise_model']} {number(row, 'spearman')}" for row in of_all)
         in_metres = [row for row in of_all if row["noise_model"] not in OF_THE_PAPER]
         ratios = "; ".join(f"{row['noise_model']} {number(row, 'median_abs_log_ratio')}" for row in in_metres)
-        said.append(f"- Over all strategies and steps, {words}: ρ = {each}.")
-        said.append(f"- The median of |log(predicted/measured)|, {words}: {ratios}.")
+        said.append(f"- Over all strategies and steps, {KINDS[kind]}: ρ = {each}.")
+        said.append(f"- The median of |log(predicted/measured)|, {KINDS[kind]}: {ratios}.")
+        said += _beside_the_count(one_of(of_all, noise_model="calibrated"))
     by_strategy = "By strategy, ρ over its steps with its interval, and the median |log ratio|:"
     return "\n\n".join(["\n".join(said), by_strategy, "\n".join(lines)])
+
+
+def _beside_the_count(row: Row) -> list[str]:
+    """What counting markers does, where PSS of a kind has a ρ."""
+    if not row.get("visible_share_spearman"):
+        return []
+    of_count, less = (number(row, name) for name in ("visible_share_spearman", "minus_visible_share"))
+    words = (
+        f"- Beside it, the share of markers that calibrated expects to be seen ranks with ρ = {of_count}; calibrated "
+        f"PSS less that: {less}. Measured PSS and the share triangulated have ρ = "
+        f"{_two(row['triangulated_share_spearman'])}."
+    )
+    return [words]
+
+
+def _process(rows: Sequence[Row]) -> str:
+    """The filter at each level of process noise, by the calibrated model."""
+    head = ["q/c", "frames per second that are alike", "ρ of calibrated PSS", "ρ of the share seen", "difference",
+            "ρ of measured PSS and the share triangulated", "(2b) / (2a), predicted: counts × per marker",
+            "measured: counts × per marker"]  # fmt: skip
+    lines = [_line(head), "|" + "---|" * len(head)]
+    for row in sorted(all_of(rows, noise_model="calibrated"), key=lambda row: -float(row["q_over_c"])):
+        mark = (
+            ", headline"
+            if row["headline"] == "yes"
+            else ", the schedule's own"
+            if row["schedules_own"] == "yes"
+            else ""
+        )
+        ratios = [
+            _product(row[f"{side}_closer_over_farther"], row[f"{side}_closer_over_farther_of_counts"])
+            for side in ("predicted", "measured")
+        ]
+        lines.append(
+            _line(
+                [
+                    f"{float(row['q_over_c']):,.4g}{mark}",
+                    f"{float(row['alike_frame_rate_hz']):,.0f}",
+                    *(number(row, name) for name in ("spearman", "visible_share_spearman", "minus_visible_share")),
+                    _two(row["triangulated_share_spearman"]),
+                    *ratios,
+                ]
+            )
+        )
+    words = (
+        "The filter at other process noise: q is the variance that a marker's position gathers between two frames, c "
+        "that of a single frame as the physical R predicts it for the training views. Where q is far above c, the "
+        "measured PSS of the filter is the share of markers triangulated times a constant. The headline is at q = c."
+    )
+    return words + "\n\n" + "\n".join(lines)
+
+
+def _product(ratio: str, of_counts: str) -> str:
+    """0.87 = 0.90 × 0.97; empty where it is not defined."""
+    if not ratio or not of_counts or float(of_counts) == 0:
+        return ""
+    return f"{_two(ratio)} = {_two(of_counts)} × {float(ratio) / float(of_counts):.2f}"
+
+
+def _two(value: str) -> str:
+    return f"{float(value):.2f}".replace("-", "−") if value else "undefined"
 
 
 def _claims(rows: Sequence[Row]) -> str:
@@ -63,13 +164,28 @@ def _claims(rows: Sequence[Row]) -> str:
             figure = row["figure"]
             places.append(row["at"].removeprefix("highest at ").replace("-", "−"))
             cells.append(
-                f"{row['holds']}: {with_range(row['value'], row['ci_low'], row['ci_high'])}"
+                f"{row['holds']}: {with_range(row['value'], row['ci_low'], row['ci_high'])}{_factors(row)}"
                 if row["value"]
                 else row["holds"]
             )
         where = ", ".join(dict.fromkeys(place for place in places if place))
         lines.append(_line([claim, kind, *cells, figure.partition(" (median")[0], where]))
-    return "\n".join(lines)
+    if not any(row.get("of_counts") for row in rows):
+        return "\n".join(lines)
+    words = (
+        "In brackets behind a ratio, how much of it is a ratio of counts (of markers expected to be seen, or "
+        "triangulated) and how much is per marker that counts; of a share, the same share of the count:"
+    )
+    return words + "\n\n" + "\n".join(lines)
+
+
+def _factors(row: Row) -> str:
+    """What of a claim's figure is a count."""
+    if not row.get("of_counts"):
+        return ""
+    if not row.get("per_marker_ci_low"):
+        return f" (of counts {_two(row['of_counts'])})"
+    return f" (counts {_two(row['of_counts'])} × per marker {number(row, 'per_marker')})"
 
 
 def _place(row: Row) -> str:
@@ -100,14 +216,23 @@ def _strategies(tables: Tables) -> str:
         f"- By {row['kind']} PSS (calibrated) against {row['yardstick']}: ρ = {number(row, 'spearman')} over "
         f"{row['strategies']} strategies; it chooses {row['chosen']}, the best is {row['best']}"
         + (f", and that loses {100 * float(row['regret']):.1f} %." if row["regret"] else ".")
+        + _choice_by_count(row)
         for row in ranking
     ]
     return "\n".join(lines) + "\n\n" + "\n".join(said)
 
 
+def _choice_by_count(row: Row) -> str:
+    """What a choice by the share of markers that are expected to be seen would be."""
+    if not row.get("visible_share_chosen"):
+        return ""
+    lost = f", which loses {100 * float(row['visible_share_regret']):.1f} %" if row["visible_share_regret"] else ""
+    return f" By the count: ρ = {number(row, 'visible_share_spearman')}, {row['visible_share_chosen']}{lost}."
+
+
 def _real_walk(consistency: Sequence[Row], misfit: Sequence[Row], frames: Sequence[Row]) -> str:
-    heads = ["markers", "tracked", "NEES/3 before an update", "after", "within 95 %, after", "RMS after: measured",
-             "believed", "lost", "density of acceleration"]  # fmt: skip
+    heads = ["markers", "tracked", "NEES/3 before an update (of the process)", "after", "within 95 %, after",
+             "RMS after: measured", "believed", "lost", "density of acceleration"]  # fmt: skip
     lines = [_line(heads), "|" + "---|" * len(heads)]
     for row in all_of(consistency, least_views="2"):
         density = one_of(misfit, group=row["group"])["density_m2_s3"]
@@ -129,12 +254,12 @@ def _real_walk(consistency: Sequence[Row], misfit: Sequence[Row], frames: Sequen
     (whole,) = all_of(consistency, group="both", least_views="0")
     of_both = all_of(frames, avatar="both")
     medians = {name: _median([row[f"{name}_median_m"] for row in of_both]) for name in ("measured", "predicted")}
-    nees = (number(whole, f"{when}_nees_per_dof") for when in ("prior", "posterior"))
     found, foreseen = (_millimetres(str(medians[name])) for name in ("measured", "predicted"))
     walked = (
-        "- The real walk, {} frames of {} trials: over all tracked cells NEES/3 is {} before an update and {} after, "
-        "against the covariance of the time-varying Riccati recursion."
-    ).format(whole["frames"], whole["trials"], *nees)
+        "- The real walk, {} frames of {} trials, by a real filter over rendered motion: over all tracked cells NEES/3 "
+        "is {} after an update, against the covariance of the time-varying Riccati recursion. Before an update it asks "
+        "whether the gait is as lively as the process assumes, and nothing of R or of the views."
+    ).format(whole["frames"], whole["trials"], number(whole, "posterior_nees_per_dof"))
     erred = (
         f"- In the median frame the median marker's error is {found}; the metric's own recursion, which knows no "
         f"detection, says {foreseen}."
@@ -145,8 +270,8 @@ def _real_walk(consistency: Sequence[Row], misfit: Sequence[Row], frames: Sequen
 
 
 def _median(values: Sequence[str]) -> float:
-    known = sorted(float(value) for value in values if value)
-    return known[len(known) // 2] if known else float("nan")
+    known = [float(value) for value in values if value]
+    return statistics.median(known) if known else float("nan")
 
 
 def _millimetres(metres: str) -> str:

@@ -67,8 +67,9 @@ Pan, tilt, focal length and place of each camera off by an unknown error of the 
 """
 HALLWAY = """### Two people pass each other
 
-The paper's dynamic scene, with four cameras under five strategies ([how](hallway.md)); 95 % intervals of ρ by blocks
-of steps, of all else over trials and markers:
+The paper's dynamic scene, with four cameras under five strategies ([how](hallway.md)); 95 % intervals of ρ over the
+steps of the walk, of all else over trials and markers. The filter over people who are held is a linearised simulation
+that rendered residuals drive; that of the real walk is a real one:
 """
 
 

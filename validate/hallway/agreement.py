@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from validate.hallway.results import KINDS, ScheduleResult
 from validate.hallway.runs import limit_name
-from validate.hallway.study import MODELS
 from validate.hallway.walk_intervals import (
     median_interval,
     spearman_difference_interval,
@@ -51,7 +50,7 @@ def _rows(result: ScheduleResult, members: list[int]) -> Iterator[Row]:
         measured = result.curves["", kind].values[members]
         triangulated = result.counts["", kind].values[members]
         of_triangulated = float(weighted_spearman(triangulated.ravel(), measured.ravel()))
-        for model in MODELS:
+        for model in result.noise_models:
             predicted = result.curves[model, kind].values[members]
             seen = result.counts[model, kind].values[members]
             ratio = _log_ratios(predicted, measured)

@@ -26,6 +26,7 @@ from validate.hallway.agreement import ALL_RUNS, agreement_rows
 from validate.hallway.claims import claim_rows
 from validate.hallway.own_cameras import own_cameras
 from validate.hallway.own_strategy import own_strategy
+from validate.hallway.process_rows import process_rows
 from validate.hallway.ranking import ranking_rows, strategy_rows
 from validate.hallway.real_walk import real_walk_of, track_real_walk
 from validate.hallway.real_walk_files import write_real_walk
@@ -34,7 +35,7 @@ from validate.hallway.results import ScheduleResult, result_of
 from validate.hallway.rows import held_configuration_rows, held_point_rows, run_rows
 from validate.hallway.runs import Run, steered_runs, strategies_of
 from validate.hallway.stage import BOTH, stage_of
-from validate.hallway.study import FULL_MODEL, MODELS, Design, assess_held, design_of
+from validate.hallway.study import FULL_MODEL, MODELS, Design, assess_held, design_of, training_levels
 from validate.hallway.training import calibrate_hallway, training_views
 from validate.hallway.wanted import Wanted
 from validate.program import program_name
@@ -195,7 +196,8 @@ def _leave_tables(
 ) -> tuple[dict[str, list[Row]], ScheduleResult]:
     """Tables and figure of the held steps; the tables, and the result of both avatars."""
     design = whole.design
-    held = assess_held(design, acquired, calibration)
+    levels = training_levels(design.stage, whole.training, acquired)
+    held = assess_held(design, acquired, calibration, levels)
     results = [result_of(held, avatar) for avatar in design.stage.groups]
     both = results[-1]
     first = _run_of(design.runs, "follow")
@@ -211,6 +213,7 @@ def _leave_tables(
         "strategies": [row for result in results for row in strategy_rows(result)],
         "ranking": [row for result in results for row in ranking_rows(result)],
         "claims": claim_rows(both, aside),
+        "process": process_rows(both),
         "runs": run_rows(both),
     }
     for name, rows in tables.items():

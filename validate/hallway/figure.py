@@ -38,8 +38,8 @@ def schedule_figure(result: ScheduleResult) -> Figure:
     others = [run.strategy for run in runs if not any(run.strategy in panel for panel in PANELS)]
     columns = [list(dict.fromkeys(names)) for names in (*named, others) if names]
     figure, grid = plt.subplots(
-        len(KINDS), len(columns), figsize=(5.2 * len(columns), 8.4), sharex=True, sharey="row", squeeze=False,
-        layout="constrained",
+        len(KINDS), len(columns), figsize=(5.2 * len(columns), 4.2 * len(KINDS)), sharex=True, sharey="row",
+        squeeze=False, layout="constrained",
     )  # fmt: skip
     figure.suptitle(result.held.design.schedule.said.title, fontsize=15)
     for row, kind in zip(grid, KINDS, strict=True):
@@ -47,7 +47,7 @@ def schedule_figure(result: ScheduleResult) -> Figure:
             draw_panel(axes, result, strategies, kind)
         # When all of the row is drawn: a limit that is set ends the search for others.
         row[0].set_ylim(bottom=0)
-        row[0].set_ylabel(f"PSS in 1/mm, {'σ∞ and filter' if kind == 'filter' else 'single frame'}")
+        row[0].set_ylabel(f"PSS in 1/mm, {kind.replace('filter', 'σ∞ and filter')}")
     for axes in grid[-1]:
         axes.set_xlabel(f"y of {result.held.design.stage.names[0]} in m")
     for axes in grid[0]:

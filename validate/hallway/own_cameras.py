@@ -12,9 +12,10 @@ from render.view import random_stream, state_key
 from validate.acquire import Acquired
 from validate.assess import measure_configuration
 from validate.bank.study import scene_contenders
-from validate.errors3d import MeasuredErrors, measured_inverse_sigma
-from validate.hallway.results import KINDS, Curves, ScheduleResult
-from validate.hallway.study import MODELS, Held, predicted_at
+from validate.errors3d import MeasuredErrors
+from validate.hallway.process_noise import inverse_sigma, measured_inverse, predicted_inverse
+from validate.hallway.results import HEADLINE_KIND, KINDS, Curves, ScheduleResult
+from validate.hallway.study import Held, predicted_at
 from validate.replicates import sweep_replicates
 
 __all__ = ["OwnCameras", "own_cameras"]
@@ -63,14 +64,15 @@ def own_cameras(
     groups = {name: design.stage.groups[name] for name in design.stage.names}
     both = np.any(list(groups.values()), axis=0)
     steps = len(design.scenes)
-    keys = [(model, kind) for model in ("", *MODELS) for kind in KINDS]
+    headline = [held.levels[result.headline]]
+    keys = [(model, kind) for model in ("", *result.noise_models) for kind in KINDS]
     inverse = {key: np.zeros((steps, len(both))) for key in keys}
     rates = {key: np.zeros((steps, len(both))) for key in keys}
     errors = []
     for step, scene in enumerate(design.scenes):
         state, steered = scene.state, design.runs[run].steered
         look = acquired.appearances[state_key(state)]
-        contenders = [c for c in scene_contenders(scene, calibration) if c.name in MODELS]
+        contenders = [c for c in scene_contenders(scene, calibration) if c.name in result.noise_models]
         together = np.full((design.schedule.said.trials, len(both), 3), np.nan)
         for name, markers in groups.items():
             mine = [c for c, assigned in enumerate(steered.assignments[step]) if assigned == name]
@@ -79,27 +81,32 @@ def own_cameras(
             cameras = [steered.cameras[step][c] for c in mine]
             for contender in contenders:
                 (said,) = predicted_at(scene, [tuple(cameras)], contender, look, markers)
-                inverse[contender.name, "filter"][step, markers] = np.nan_to_num(1 / said.sigma_m)
-                inverse[contender.name, "single frame"][step, markers] = np.nan_to_num(1 / said.single_frame_sigma_m)
+                name_of = contender.name
+                inverse[name_of, "filter"][step, markers] = inverse_sigma(said, single_frame=False)
+                inverse[name_of, HEADLINE_KIND][step, markers] = predicted_inverse(said, headline)[0]
+                inverse[name_of, "single frame"][step, markers] = inverse_sigma(said, single_frame=True)
                 for kind in KINDS:
-                    rates[contender.name, kind][step, markers] = said.observable
+                    rates[name_of, kind][step, markers] = said.observable
             wanted = [design.views[run][step][c] for c in mine]
             rng = random_stream(
                 design.schedule.said.seed, "+".join(item.request.content for item in wanted), "filter of own cameras"
             )
-            found = measure_configuration(scene, cameras, [acquired.measured[item] for item in wanted], rng)
+            views = [acquired.measured[item] for item in wanted]
+            found = measure_configuration(scene, cameras, views, rng)
             together[:, markers] = found.errors.errors_m[:, markers]
             rate = found.errors.detection_rate
-            inverse["", "filter"][step, markers] = measured_inverse_sigma(found.filter_sigma_m, rate)[markers]
+            inverse["", "filter"][step, markers] = found.inverse_filter_sigma[markers]
+            (at_headline,) = measured_inverse(cameras, state.points_m, views, found, headline)
+            inverse["", HEADLINE_KIND][step, markers] = at_headline[markers]
             for kind in KINDS:
                 rates["", kind][step, markers] = rate[markers]
         errors.append(MeasuredErrors(together[:, both]))
     inverse = {key: values[:, both] for key, values in inverse.items()}
     inverse["", "single frame"] = np.array([e.inverse_sigma for e in errors])
-    weights = result.replicates[MODELS[0]].point_weights
+    weights = result.replicates[result.noise_models[0]].point_weights
     samples = {key: weights @ values.T for key, values in inverse.items()}
     # The stream of the result's own resamples, so that a ratio of the two keeps its pairing.
     rng = random_stream(design.schedule.said.seed, result.avatar, "schedule intervals")
-    replicates = sweep_replicates(errors, inverse[MODELS[0], "single frame"], rng, len(weights))
+    replicates = sweep_replicates(errors, inverse[result.noise_models[0], "single frame"], rng, len(weights))
     samples["", "single frame"] = replicates.measured_pss
     return OwnCameras(inverse, samples, {key: values[:, both] for key, values in rates.items()}, weights)

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from validate.hallway.results import KINDS, ScheduleResult
 from validate.hallway.runs import limit_name
-from validate.hallway.study import MODELS
 from validate.intervals import interval, sample_interval, weighted_spearman
 from validate.tables import THRESHOLDS_MM
 
@@ -40,7 +39,7 @@ class Yardstick:
 
 def yardsticks(result: ScheduleResult) -> list[Yardstick]:
     """Measured PSS of every kind, shares of all markers under some millimetres, the median RMS, and what is counted."""
-    replicates = result.replicates[MODELS[0]]
+    replicates = result.replicates[result.noise_models[0]]
     runs, steps = result.shape
     found = [_mean_over_steps(f"measured PSS, {kind}", result, "", kind) for kind in KINDS]
     distance = np.array([np.linalg.norm(a.measured.errors.errors_m, axis=2) for a in result.assessments])
@@ -83,9 +82,11 @@ def strategy_rows(result: ScheduleResult) -> list[Row]:
     Ranks are among the strategies of the same zoom limit, 1 being the best.
     """
     figures = [
-        (model, _mean_over_steps(f"predicted PSS, {kind}", result, model, kind)) for model in MODELS for kind in KINDS
+        (model, _mean_over_steps(f"predicted PSS, {kind}", result, model, kind))
+        for model in result.noise_models
+        for kind in KINDS
     ]
-    figures += [(model, _mean_share("predicted share seen", result, model, "filter")) for model in MODELS]
+    figures += [(model, _mean_share("predicted share seen", result, model, "filter")) for model in result.noise_models]
     figures += [("", yardstick) for yardstick in yardsticks(result)]
     rows: list[Row] = []
     for limit, members in _by_limit(result).items():
@@ -121,7 +122,7 @@ def ranking_rows(result: ScheduleResult) -> list[Row]:
     rows: list[Row] = []
     measured = yardsticks(result)
     for limit, members in _by_limit(result).items():
-        for model in MODELS:
+        for model in result.noise_models:
             for kind in KINDS:
                 predicted = _mean_over_steps("", result, model, kind)
                 counted = _mean_share("", result, model, kind)

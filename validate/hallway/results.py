@@ -17,18 +17,20 @@ from numpy.typing import NDArray
 from render.view import random_stream
 from scenes import Configuration
 from validate.assess import Assessment
-from validate.errors3d import measured_inverse_sigma
 from validate.flatness import EXCHANGES
+from validate.hallway.process_noise import headline_of_walk, inverse_sigma
 from validate.hallway.study import MODELS, Held
 from validate.replicates import SweepReplicates, sweep_replicates
 from validate.sweep import REPLICATES, Plan, SweepResult
 
-__all__ = ["KINDS", "Curves", "ScheduleResult", "result_of"]
+__all__ = ["HEADLINE_KIND", "KINDS", "Curves", "ScheduleResult", "result_of"]
 
 Floats = NDArray[np.float64]
 
-KINDS = ("filter", "single frame")
-"""PSS made of σ∞ beside the filter over the held views, and PSS made of C beside single frames."""
+HEADLINE_KIND = "filter, q ≈ c"
+KINDS = ("filter", HEADLINE_KIND, "single frame")
+"""PSS made of σ∞ beside the filter over the held views, at the schedule's process and at the level of process noise
+where σ∞ is neither all process nor all measurement (`validate.hallway.process_noise`); PSS made of C beside frames."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +62,7 @@ class ScheduleResult(SweepResult):
     @property
     def noise_models(self) -> tuple[str, ...]:
         """What was judged."""
-        return MODELS
+        return tuple(model for model in MODELS if model in self.assessments[0].predicted)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -75,24 +77,46 @@ class ScheduleResult(SweepResult):
     @cached_property
     def curves(self) -> dict[tuple[str, str], Curves]:
         """By noise model ("" for what is measured) and kind."""
-        weights = self.replicates[MODELS[0]].point_weights
         found = {}
         for kind in KINDS:
-            single = kind == "single frame"
-            for model in MODELS:
-                sigma = [
-                    a.predicted[model].single_frame_sigma_m if single else a.predicted[model].sigma_m
-                    for a in self.assessments
-                ]
-                inverse = np.nan_to_num(1 / np.array(sigma))
-                found[model, kind] = self._curves("predicted", model, kind, inverse.mean(axis=1), weights @ inverse.T)
-            if single:
-                samples = self.replicates[MODELS[0]].measured_pss
+            for model in self.noise_models:
+                found[model, kind] = self.terms_of("predicted", model, kind, self._predicted_terms(model, kind))
+            if kind == "single frame":
+                samples = self._resampled.measured_pss
+                found["", kind] = self._curves("measured", "", kind, self.measured_pss(True), samples)
             else:
-                inverse = np.array([_inverse_filter_sigma(a) for a in self.assessments])
-                samples = weights @ inverse.T
-            found["", kind] = self._curves("measured", "", kind, self.measured_pss(single), samples)
+                found["", kind] = self.terms_of("measured", "", kind, self._measured_terms(kind))
         return found
+
+    @property
+    def _resampled(self) -> SweepReplicates:
+        """Weights of trials and markers, and what is measured under them: the same for all models."""
+        return self.replicates[self.noise_models[0]]
+
+    @property
+    def headline(self) -> int:
+        """Which of the held levels of process noise is the headline."""
+        return headline_of_walk(self.held.levels)
+
+    def level_terms(self, model: str, level: int) -> Floats:
+        """1/m, (R·K, N), what each marker adds to PSS of the filter at a level; "" for what is measured."""
+        filters = [step.filters[self.avatar] for of_run in self.held.steps for step in of_run]
+        return np.array([(each.predicted[model] if model else each.measured)[level] for each in filters])
+
+    def _predicted_terms(self, model: str, kind: str) -> Floats:
+        if kind == HEADLINE_KIND:
+            return self.level_terms(model, self.headline)
+        return np.array([inverse_sigma(a.predicted[model], kind == "single frame") for a in self.assessments])
+
+    def _measured_terms(self, kind: str) -> Floats:
+        """Of the filter."""
+        if kind == HEADLINE_KIND:
+            return self.level_terms("", self.headline)
+        return np.array([a.measured.inverse_filter_sigma for a in self.assessments])
+
+    def terms_of(self, side: str, model: str, kind: str, terms: Floats) -> Curves:
+        """Means of what markers add, (R·K, N), with the markers resampled."""
+        return self._curves(side, model, kind, terms.mean(axis=1), self._resampled.point_weights @ terms.T)
 
     @cached_property
     def counts(self) -> dict[tuple[str, str], Curves]:
@@ -101,15 +125,15 @@ class ScheduleResult(SweepResult):
         Predicted, the share of markers that are observable; measured, the share that is triangulated, in the mean over
         the trials. Resampled as the curves beside them, so that a ratio of the two is PSS of the markers that count.
         """
-        replicates = self.replicates[MODELS[0]]
-        weights, found = replicates.point_weights, {}
+        replicates, found = self._resampled, {}
+        weights = replicates.point_weights
         detected = np.array([a.measured.errors.detected for a in self.assessments], dtype=float)
         rates = np.array([a.measured.errors.detection_rate for a in self.assessments])
         by_trials = np.einsum("bt,stn,bn->bs", replicates.trial_weights, detected, weights, optimize=True)
         for kind in KINDS:
-            for model in MODELS:
+            for model in self.noise_models:
                 share = np.array([a.predicted[model].observable for a in self.assessments], dtype=float)
-                found[model, kind] = self._curves("predicted", model, kind, share.mean(axis=1), weights @ share.T)
+                found[model, kind] = self.terms_of("predicted", model, kind, share)
             samples = by_trials if kind == "single frame" else weights @ rates.T
             found["", kind] = self._curves("measured", "", kind, rates.mean(axis=1), samples)
         return found
@@ -145,18 +169,14 @@ def _configuration(held: Held, run: int, step: int, avatar: str) -> Configuratio
 def _replicates(held: Held, assessments: tuple[Assessment, ...], avatar: str) -> Mapping[str, SweepReplicates]:
     errors = [a.measured.errors for a in assessments]
     said = {
-        model: np.nan_to_num(1 / np.array([a.predicted[model].single_frame_sigma_m for a in assessments]))
+        model: np.array([inverse_sigma(a.predicted[model], single_frame=True) for a in assessments])
         for model in MODELS
+        if model in assessments[0].predicted
     }
     rng = random_stream(held.design.schedule.said.seed, avatar, "schedule intervals")
-    first = sweep_replicates(errors, said[MODELS[0]], rng, REPLICATES)
+    first = sweep_replicates(errors, next(iter(said.values())), rng, REPLICATES)
     # What is measured is the same for all models, and they are compared on the same resamples.
     return {
         model: dataclasses.replace(first, predicted_pss=first.point_weights @ inverse.T)
         for model, inverse in said.items()
     }
-
-
-def _inverse_filter_sigma(assessment: Assessment) -> Floats:
-    measured = assessment.measured
-    return measured_inverse_sigma(measured.filter_sigma_m, measured.errors.detection_rate)

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from validate.hallway.results import ScheduleResult
+from validate.hallway.results import HEADLINE_KIND, ScheduleResult
 from validate.hallway.runs import limit_name
 from validate.intervals import sample_interval
 from validate.tables import configuration_rows, point_rows
@@ -31,6 +31,8 @@ def held_configuration_rows(result: ScheduleResult) -> list[Row]:
                 **_place(result, run, step),
                 "avatar": result.avatar,
                 **row,
+                "pss_q_near_c": float(result.curves[model, HEADLINE_KIND].values[run, step]),
+                "measured_pss_filter_q_near_c": float(result.curves["", HEADLINE_KIND].values[run, step]),
                 "measured_pss_filter_ci_low": float(filter_low[run, step]),
                 "measured_pss_filter_ci_high": float(filter_high[run, step]),
                 "pss_surrogate": held.surrogate[result.avatar][model].pss,

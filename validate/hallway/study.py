@@ -21,22 +21,41 @@ from scenes.schedule_file import ScheduleFile
 from validate.acquire import Acquired, Acquisition
 from validate.assess import Assessment, Measured, measure_configuration
 from validate.bank.predicted import Contender
-from validate.bank.study import FULL_MODEL, PHYSICAL_WHOLE, scene_contenders
+from validate.bank.study import CALIBRATED_LIMITS, FULL_MODEL, PHYSICAL_WHOLE, SCALED, scene_contenders
 from validate.errors3d import MeasuredErrors
+from validate.hallway.process_noise import (
+    RULED_BY,
+    FilterLevels,
+    levels_of_walk,
+    measured_inverse,
+    predicted_inverse,
+)
 from validate.hallway.runs import Run, step_views
 from validate.hallway.stage import BOTH, Stage
 from validate.hallway.surrogates import avatar_like
+from validate.hallway.training import Training
+from validate.process_levels import Level
 from validate.tables import pooled
 from validate.track import Tracked
 from validate.triangulate import Triangulated
 
-__all__ = ["MODELS", "Design", "Held", "HeldStep", "assess_held", "design_of", "predicted_at"]
+__all__ = ["MODELS", "Design", "Held", "HeldStep", "assess_held", "design_of", "predicted_at", "training_levels"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-# What is judged: the paper's two readings, what needs no fit, and what was calibrated on other views.
-MODELS = ("as-printed", "corrected", "physical", PHYSICAL_WHOLE, FULL_MODEL)
+# What is judged: the paper's two readings as they are and scaled, what needs no fit, and what was calibrated on other
+# views. Of these, the scaled ones are there if the calibration has their scales.
+MODELS = (
+    "as-printed",
+    "corrected",
+    "identity",
+    *SCALED.values(),
+    "physical",
+    PHYSICAL_WHOLE,
+    CALIBRATED_LIMITS,
+    FULL_MODEL,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,18 +100,21 @@ class HeldStep:
     Attributes:
         assessments: of the markers of each avatar, and of both, by `Stage.groups`.
         surrogate: by the same groups and by noise model, the prediction at the surrogates' points.
+        filters: by the same groups, the filter at the levels of process noise of `Held.levels`.
     """
 
     assessments: Mapping[str, Assessment]
     surrogate: Mapping[str, Mapping[str, SurrogatePrediction]]
+    filters: Mapping[str, FilterLevels]
 
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """All runs and steps, `steps[r][k]`, of a design."""
+    """All runs and steps, `steps[r][k]`, of a design, and the levels of process noise that they were judged at."""
 
     design: Design
     steps: tuple[tuple[HeldStep, ...], ...]
+    levels: tuple[Level, ...]
 
 
 def design_of(schedule: ScheduleFile, stage: Stage, runs: Sequence[Run], renderer: str) -> Design:
@@ -108,13 +130,31 @@ def design_of(schedule: ScheduleFile, stage: Stage, runs: Sequence[Run], rendere
     return Design(schedule, stage, tuple(runs), scenes, views)
 
 
-def assess_held(design: Design, acquired: Acquired, calibration: Calibration) -> Held:
-    """Predict and measure every run at every step."""
-    columns = [_assess_step(design, step, acquired, calibration) for step in range(len(design.scenes))]
-    return Held(design, tuple(zip(*columns, strict=True)))
+def training_levels(stage: Stage, training: Sequence[Training], acquired: Acquired) -> list[Level]:
+    """The levels of process noise of a schedule, by what is predicted for its training views.
+
+    Of `acquired` it takes how the markers look in the solved light, and no measurement.
+
+    Raises:
+        RangeError: no marker is observable in any of them.
+    """
+    contender = Contender(RULED_BY, stage.scene.noise_model(RULED_BY))
+    predicted = []
+    for place in training:
+        look, every = acquired.appearances[state_key(place.scene.state)], stage.groups[BOTH]
+        predicted += predicted_at(place.scene, [place.cameras], contender, look, every)
+    return levels_of_walk(predicted, stage.scene.process)
 
 
-def _assess_step(design: Design, step: int, acquired: Acquired, calibration: Calibration) -> list[HeldStep]:
+def assess_held(design: Design, acquired: Acquired, calibration: Calibration, levels: Sequence[Level]) -> Held:
+    """Predict and measure every run at every step, the filter at the scene's process and at `levels`."""
+    columns = [_assess_step(design, step, acquired, calibration, levels) for step in range(len(design.scenes))]
+    return Held(design, tuple(zip(*columns, strict=True)), tuple(levels))
+
+
+def _assess_step(
+    design: Design, step: int, acquired: Acquired, calibration: Calibration, levels: Sequence[Level]
+) -> list[HeldStep]:
     """All runs at one step."""
     scene, groups = design.scenes[step], design.stage.groups
     look = acquired.appearances[state_key(scene.state)]
@@ -134,6 +174,7 @@ def _assess_step(design: Design, step: int, acquired: Acquired, calibration: Cal
         rng = random_stream(design.schedule.said.seed, keys, "filter")
         measured = measure_configuration(scene, cameras[number], measurements, rng)
         rates = np.array([view.detected.mean(axis=0) for view in measurements])
+        of_levels = measured_inverse(cameras[number], scene.state.points_m, measurements, measured, levels)
         assessments = {
             name: Assessment(
                 cameras[number],
@@ -143,7 +184,14 @@ def _assess_step(design: Design, step: int, acquired: Acquired, calibration: Cal
             )
             for name, markers in groups.items()
         }
-        found[views] = HeldStep(assessments, surrogates[number])
+        filters = {
+            name: FilterLevels(
+                {model: predicted_inverse(said, levels) for model, said in assessments[name].predicted.items()},
+                of_levels[:, markers],
+            )
+            for name, markers in groups.items()
+        }
+        found[views] = HeldStep(assessments, surrogates[number], filters)
     return [found[views] for views in wanted]
 
 

@@ -100,7 +100,7 @@ def _walk(
     from validate.hallway.results import result_of
     from validate.hallway.runs import steered_runs
     from validate.hallway.stage import BOTH, stage_of
-    from validate.hallway.study import assess_held, design_of
+    from validate.hallway.study import assess_held, design_of, training_levels
     from validate.hallway.training import calibrate_hallway, training_views
     from validate.print_figures.walk import walk_figure, walk_rows
 
@@ -115,7 +115,8 @@ def _walk(
         _announce(number, wanted, store)
         return []
     acquired = _acquired(number, wanted, store, chosen, errors)
-    result = result_of(assess_held(design, acquired, calibrate_hallway(training, acquired)), BOTH)
+    levels = training_levels(stage, training, acquired)
+    result = result_of(assess_held(design, acquired, calibrate_hallway(training, acquired), levels), BOTH)
     return _write(number, out, table, lambda: walk_figure(result), walk_rows(result))
 
 
