@@ -13,7 +13,9 @@ import numpy as np
 import scipy.stats
 from numpy.typing import NDArray
 
+from validate.bank.small_samples import after_trials
 from validate.crossed import Judged, Resamples, Scale, with_interval
+from validate.errors3d import inverse_sigma_bias
 from validate.intervals import spearman_of_groups, tie_groups, weighted_spearman
 
 __all__ = ["LEVELS", "Consistency", "anisotropy", "crossed_mean", "of_errors", "of_moments", "sandwich"]
@@ -123,6 +125,9 @@ def anisotropy(moment: Floats, covariance: Floats, trials: NDArray[np.int64]) ->
     Args:
         moment, covariance: m², (K, N, 3, 3); nan where not known.
         trials: (K, N), of each moment.
+
+    Beside what was predicted stands what moments of as many trials show where the prediction is right
+    (`validate.bank.small_samples`). 1/σ, in 1/m, is the mean over cells, freed of its bias as measured PSS is.
     """
     known = np.isfinite(moment).all(axis=(-2, -1)) & np.isfinite(covariance).all(axis=(-2, -1))
     known &= trials >= 2 * FEWEST_TRIALS
@@ -133,13 +138,23 @@ def anisotropy(moment: Floats, covariance: Floats, trials: NDArray[np.int64]) ->
     cosine = np.abs((values[0][1][:, :, -1] * values[1][1][:, :, -1]).sum(axis=1))
     # A direction says something where the ellipsoid is long.
     long = predicted > 2
+    count = np.asarray(trials)[known]
+    sampled = after_trials(covariance[known], count, np.random.default_rng(0))
+    by_trials = np.sqrt(values[0][0][:, -1]) * inverse_sigma_bias(count)
     return {
         "measured_axis_ratio_median": float(np.median(measured)),
         "predicted_axis_ratio_median": float(np.median(predicted)),
+        "axis_ratio_after_trials_median": float(np.median(sampled.axis_ratio)),
         "axis_ratio_spearman": float(weighted_spearman(predicted, measured)),
         "axis_angle_median_deg": float(np.degrees(np.median(np.arccos(np.clip(cosine[long], 0, 1)))))
         if long.any()
         else float("nan"),
+        "axis_angle_after_trials_median_deg": float(np.median(sampled.axis_angle_deg[:, long]))
+        if long.any()
+        else float("nan"),
+        "measured_inverse_sigma_mean": float(np.mean(1 / by_trials)),
+        "predicted_inverse_sigma_mean": float(np.mean(1 / np.sqrt(values[1][0][:, -1]))),
+        "inverse_sigma_after_trials_mean": float(sampled.inverse_sigma.mean()),
     }
 
 
