@@ -10,6 +10,7 @@ from pss.errors import RangeError, ShapeError
 from validate.errors3d import MeasuredErrors
 from validate.intervals import (
     interval,
+    interval_with,
     kendall,
     oracle_regret,
     pearson_log,
@@ -110,6 +111,15 @@ def test_interval_holds_its_share_of_the_samples():
     assert np.isnan(interval([1.0, np.nan])).all()
     with pytest.raises(RangeError):
         interval([1.0], 95)
+
+
+def test_an_interval_is_never_beside_its_estimate():
+    samples = np.linspace(0.8, 0.99, 101)
+    low, high = interval_with(1.0, samples)
+    assert (low, high) == (pytest.approx(interval(samples)[0]), 1.0)
+    assert interval_with(0.9, samples) == pytest.approx(interval(samples))
+    assert interval_with(0.7, samples)[0] == 0.7
+    assert np.isnan(interval_with(np.nan, samples)).all()
 
 
 # --- a sweep: trials and points

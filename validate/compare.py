@@ -10,18 +10,19 @@ from numpy.typing import NDArray
 
 from pss import METRICS, Evaluation
 from pss.metrics import CAMERAS_TO_OBSERVE
-from validate.intervals import interval, kendall, oracle_regret, pearson_log, regret, weighted_spearman
+from validate.intervals import interval_with, kendall, oracle_regret, pearson_log, regret, weighted_spearman
 from validate.own_metrics import best_step, own_metrics
 from validate.replicates import SweepReplicates
 from validate.sweep import SweepResult
 from validate.trends import trend
 
-__all__ = ["Correlation", "correlation_rows", "headline", "own_rows"]
+__all__ = ["SHARES_UNDER_MM", "Correlation", "correlation_rows", "headline", "own_rows"]
 
 Floats = NDArray[np.float64]
 Row = dict[str, object]
 
-SHARE_THRESHOLD_M = 0.005
+# mm. Errors of well set cameras are tenths of a millimetre: a share under 5 mm then only counts points.
+SHARES_UNDER_MM = (5, 0.02, 0.05, 0.1, 0.2)
 # A sweep of a dozen steps cannot tell forty metrics apart: it has the paper's own, the plainest yardstick, and what
 # users bring of their own.
 COMPARED = ("pss", "pss-single-frame", "worst-sigma", "visible-share")
@@ -123,7 +124,7 @@ def _correlate(metric: Series, yardstick: Series, sign: int) -> Correlation:
         samples = sign * np.asarray(weighted_spearman(metric.samples, yardstick.samples))
         known = samples[np.isfinite(samples)]
         if len(known) > len(samples) / 2:
-            low, high = (float(end) for end in interval(known))
+            low, high = interval_with(rho, known)
     return Correlation(len(metric.values), rho, low, high)
 
 
@@ -187,9 +188,7 @@ def _seen_twice(evaluation: Evaluation) -> Floats:
 def _yardsticks(result: SweepResult, replicates: SweepReplicates) -> list[Series]:
     """Measured PSS of both kinds, the share of all points under 5 mm, and the median RMS over all points."""
     errors = [assessment.measured.errors for assessment in result.assessments]
-    halves = [e.halves() for e in errors]
-    under = np.array([np.linalg.norm(e.errors_m, axis=2) < SHARE_THRESHOLD_M for e in errors]).astype(float)
-    share = np.einsum("bt,stn,bn->bs", replicates.trial_weights, under, replicates.point_weights, optimize=True)
+    distance_m = np.array([np.linalg.norm(e.errors_m, axis=2) for e in errors])
     single, filtered = (trend(result, single_frame) for single_frame in (True, False))
     return [
         Series(
@@ -201,18 +200,17 @@ def _yardsticks(result: SweepResult, replicates: SweepReplicates) -> list[Series
             single.flat,
         ),
         Series("measured_pss_filter", filtered.values, filtered.samples, True, None, filtered.flat),
-        Series(
-            "share_under_5mm",
-            under.mean(axis=(1, 2)),
-            share,
-            True,
-            (
-                np.array([a.share_under(SHARE_THRESHOLD_M) for a, _ in halves]),
-                np.array([b.share_under(SHARE_THRESHOLD_M) for _, b in halves]),
-            ),
-        ),
+        *(_share_under(limit, distance_m, replicates) for limit in SHARES_UNDER_MM),
         Series("median_rms_m", np.array([e.median_rms_m for e in errors]), None, False),
     ]
+
+
+def _share_under(limit_mm: float, distance_m: Floats, replicates: SweepReplicates) -> Series:
+    """The share of all trials of all points with an error below so many mm, of distances (S, T, N)."""
+    under = (distance_m < limit_mm / 1000).astype(float)  # nan, not triangulated, is not under
+    share = np.einsum("bt,stn,bn->bs", replicates.trial_weights, under, replicates.point_weights, optimize=True)
+    halves = under[:, ::2].mean(axis=(1, 2)), under[:, 1::2].mean(axis=(1, 2))
+    return Series(f"share_under_{limit_mm:g}mm", under.mean(axis=(1, 2)), share, True, halves)
 
 
 def _point_rows(result: SweepResult, model: str, replicates: SweepReplicates, cameras: str) -> Iterator[Row]:
@@ -235,9 +233,8 @@ def _point_rows(result: SweepResult, model: str, replicates: SweepReplicates, ca
         if len(x) < 3:
             continue
         rho = float(weighted_spearman(x, y))
-        samples = weighted_spearman(x, y, replicates.point_weights[:, point])
-        low, high = interval(samples)
-        found = Correlation(len(x), rho, float(low), float(high))
+        low, high = interval_with(rho, weighted_spearman(x, y, replicates.point_weights[:, point]))
+        found = Correlation(len(x), rho, low, high)
         yield _row(result, metric, model, "point", yardstick, cameras, found) | {
             "kendall": kendall(x, y),
             "pearson_log": pearson_log(x, y),

@@ -18,6 +18,7 @@ from pss.errors import RangeError, ShapeError
 __all__ = [
     "FEWEST_RESAMPLED",
     "interval",
+    "interval_with",
     "kendall",
     "mid_ranks",
     "oracle_regret",
@@ -145,6 +146,17 @@ def interval(samples: ArrayLike, level: float = LEVEL) -> tuple[Floats, Floats]:
         raise RangeError(f"level = {level!r}; allowed: between 0 and 1")
     low, high = np.quantile(np.asarray(samples, dtype=np.float64), [(1 - level) / 2, (1 + level) / 2], axis=0)
     return low, high
+
+
+def interval_with(estimate: float, samples: ArrayLike, level: float = LEVEL) -> tuple[float, float]:
+    """As `interval` of samples (B,), and never beside the estimate; nan if the estimate or a sample is.
+
+    Resamples of a correlation near ±1 all lie on one side of it: an end that would leave it out goes as far as it.
+    """
+    low, high = (float(end) for end in interval(samples, level))
+    if np.isnan(estimate) or np.isnan(low):
+        return float("nan"), float("nan")
+    return min(low, estimate), max(high, estimate)
 
 
 def sample_interval(samples: ArrayLike, level: float = LEVEL) -> tuple[Floats, Floats]:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from validate.compare import SHARES_UNDER_MM
 from validate.report.curves import place, step_axis
 from validate.report.data import SweepTable
 from validate.report.empty_rows import NO_ORDER, Sign, empty_row_words
@@ -31,7 +32,7 @@ METRIC_NAMES = {
 YARDSTICK_NAMES = {
     "measured_pss_single_frame": "measured PSS, single frame",
     "measured_pss_filter": "measured PSS, filter",
-    "share_under_5mm": "share of errors under 5 mm",
+    **{f"share_under_{mm:g}mm": f"share of errors under {mm:g} mm" for mm in SHARES_UNDER_MM},
     "median_rms_m": "median RMS error",
     "measured_rms_m": "RMS error of each point",
     "measured_filter_sigma_m": "σ of the filter at each point",
