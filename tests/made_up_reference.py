@@ -81,7 +81,7 @@ def _bank(lower: float) -> dict[str, Table]:
         "size": _size(lower),
         "ceiling": [
             {"cameras": 4, "ceiling": f"{kind}, {what}", **_rho("spearman", 0.99 - lower / 4)}
-            for kind in ("oracle", "split halves")
+            for kind in ("ceiling", "oracle", "split halves")
             for what in ("configurations", "points")
         ],
         "parts": [
@@ -92,6 +92,11 @@ def _bank(lower: float) -> dict[str, Table]:
         "sensitivity": [
             {"cameras": 4, "noise_model": "as-printed", "varied": varied, "times": times, **_rho("spearman", 0.8)}
             for varied, times in (("px2_per_m2", 0.1), ("px2_per_m2", 10), ("defocus alone", 1))
+        ],
+        "scale": [
+            {"cameras": 4, "metric": "pss", "yardstick": "measured_pss_filter", "noise_model": "as-printed",
+             "times": times, "fitted": "yes" if times == 1.6e-5 else "no", **_rho("spearman", 0.5 + lower)}
+            for times in (1.0, 0.01, 1.6e-5)
         ],
         "detection": [
             {"visibility": kind, "visible_detected": 0.4, "visible_missed": 0.1, "hidden_detected": 0.0,

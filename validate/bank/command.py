@@ -28,6 +28,7 @@ from validate.bank.levels import blunder_row, consistency_rows, detection_rows, 
 from validate.bank.prepare import acquire_banks, calibrate, enough
 from validate.bank.process_noise import process_levels, process_rows
 from validate.bank.sensitivity import scale_rows, sensitivity_rows
+from validate.bank.size_bins import size_rows
 from validate.bank.study import (
     BASES,
     FREE_MODELS,
@@ -275,6 +276,7 @@ def judge(
             rows["detection"] += detection_rows(bank, data, verdict, visible, acquired)
             rows["sensitivity"] += sensitivity_rows(bank, data, verdict, visible["points"], acquired)
             names = [contender.name for contender in contenders]
+            rows["size"] = size_rows(verdict, names)
             rows["differences"] += difference_rows(verdict, names, [base for base in BASES if base in names])
             of_open_unit = [model for model in models if model.name in calibration.scales]
             rows["scale"] += scale_rows(bank, verdict, of_open_unit, calibration.scales, acquired)

@@ -22,11 +22,18 @@ from validate.findings.size_tables import (
     parts_table,
     ratio_table,
     reliability_table,
+    scale_table,
     sensitivity_table,
 )
 from validate.findings.tables import Tables, folded
 
 __all__ = ["bank_findings", "bank_tables"]
+
+
+CEILING = (
+    '"Ceiling" is what a perfect prediction reaches; "oracle" has the pixel errors of one half of the trials, and '
+    'is judged on the other; "split halves" are the measured PSS of one half by the other\'s.'
+)
 
 
 def bank_findings(tables: Tables) -> str:
@@ -54,11 +61,12 @@ def bank_tables(places: Sequence[Place]) -> str:
         ),
         folded("Ratios, coverage, and ranks of points", ratio_table(places)),
         folded("Axes of the error ellipsoids", axes_table(places)),
-        _titled("What is the ceiling?", "What knows the pixel errors of the other half.", ceiling_table(places)),
+        _titled("What is the ceiling?", CEILING, ceiling_table(places)),
         _titled("σ∞ by process noise", "ρ of σ∞ with the filter's measured PSS.", process_table(places)),
         _neutral(places),
         _by_place("What holds it back?", "Each R with each kind of visibility.", places),
         _titled("How much depends on the open constants?", "", folded("ρ by constant", sensitivity_table(places))),
+        folded("ρ of σ∞ by the unit of R", scale_table(places)),
         _titled("What is seen and found", "Of all pairs of a view and a marker.", detection_table(places)),
         folded("Predicted probability of detection and share found", reliability_table(places)),
     ]

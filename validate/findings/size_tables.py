@@ -25,6 +25,7 @@ __all__ = [
     "parts_table",
     "ratio_table",
     "reliability_table",
+    "scale_table",
     "sensitivity_table",
 ]
 
@@ -75,7 +76,7 @@ def axes_table(places: Sequence[Place]) -> str:
     """How long error ellipsoids are, beside what is predicted after as many trials if that is known."""
     columns = {
         "predicted_axis_ratio_median": "predicted",
-        "expected_axis_ratio_median": "expected after as many trials",
+        "axis_ratio_after_trials_median": "expected after as many trials",
         "measured_axis_ratio_median": "measured",
     }
     rows = []
@@ -121,6 +122,18 @@ def sensitivity_table(places: Sequence[Place]) -> str:
         what = varied if varied.endswith("alone") else f"{varied} × {times}"
         rows.append([model, what, *(number(row, "spearman") for row in found)])
     return markdown_table(["R", "varied", *(place.title for place in places)], rows)
+
+
+def scale_table(places: Sequence[Place]) -> str:
+    """ρ of σ∞ by the unit of R: the model times a number, and times the one that fits the training views."""
+    keys = dict.fromkeys((row["noise_model"], row["times"]) for place in places for row in place.rows("scale"))
+    rows = []
+    for model, times in keys:
+        found = [first_of(place.rows("scale"), noise_model=model, times=times) for place in places]
+        fitted = any(row and row.get("fitted") == "yes" for row in found)
+        words = f"× {float(times):.3g}" + " (fitted)" * fitted
+        rows.append([model, words, *(number(row, "spearman") for row in found)])
+    return markdown_table(["R", "times", *(place.title for place in places)], rows)
 
 
 def detection_table(places: Sequence[Place]) -> str:
