@@ -9,6 +9,7 @@ each detection states, with the standard error over poses.
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import math
 
 import numpy as np
@@ -52,13 +53,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--sizes", type=float, nargs="+", default=list(SIZES_PX), help="px per module")
     parser.add_argument("--whites", type=float, nargs="+", default=list(WHITES_E), help="electrons of white")
+    parser.add_argument("--incidence", type=float, default=20.0, help="degrees")
+    parser.add_argument("--level", action="store_true", help="edges along rows and columns, leaning away to the right")
     options = parser.parse_args()
     chosen, poses = backend.choose(None), draw_poses(POSES, np.random.default_rng(5))
+    if options.level:
+        poses = [dataclasses.replace(pose, roll_deg=0.0, azimuth_deg=0.0) for pose in poses]
     rng = np.random.default_rng(7)
     print("module px  white e-   σ, bias, physical, stated in 0.001 px   NEES/2: physical, stated")
     for size in options.sizes:
         for white in options.whites:
-            found = [of_pose(Factors(module_px=size, white_e=white), pose, chosen, rng) for pose in poses]
+            factors = Factors(module_px=size, white_e=white, incidence_deg=options.incidence)
+            found = [of_pose(factors, pose, chosen, rng) for pose in poses]
             parts = np.array([each for each in found if each is not None]).swapaxes(0, 1)
             squares = np.trace(parts, axis1=2, axis2=3).mean(axis=1) / 2
             lengths = " ".join(f"{1000 * math.copysign(math.sqrt(abs(value)), value):6.2f}" for value in squares)
