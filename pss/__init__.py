@@ -6,6 +6,7 @@ and units, and `docs/metric.md` for the paper equation by equation.
 
 from pss.aggregation import Aggregation
 from pss.camera import PTZCamera
+from pss.detection import DetectionModel, detection_model
 from pss.errors import GeometryError, MissingLibraryError, PSSError, RangeError, RiccatiError, ShapeError
 from pss.evaluation import Evaluation, Evaluations
 from pss.legibility import Legible, WholeTarget, visibility_tests
@@ -32,6 +33,7 @@ __all__ = [
     "ConstantAcceleration",
     "ConstantVelocity",
     "DepthCamera",
+    "DetectionModel",
     "Evaluation",
     "Evaluations",
     "FieldOfView",
@@ -59,6 +61,7 @@ __all__ = [
     "ShapeError",
     "Sphere",
     "WholeTarget",
+    "detection_model",
     "evaluate",
     "evaluate_many",
     "noise_model",

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from pss.camera import PTZCamera
 from pss.covariances import from_six, largest_standard_deviation, mean_inverse_sigma, root_trace
+from pss.expected import Expected
 from pss.noise import NoiseModel
 from pss.photometry import Appearance
 from pss.process import ProcessModel
@@ -74,6 +75,10 @@ class Evaluation:
         information: ĤᵀR̂⁻¹Ĥ of Eq. 5's batch, (N, 3, 3) in 1/m²; (N, n, n) if a sensor measures more than positions.
         sigma_m: m, σ∞ of Eq. 9, of the position block, (N,).
         single_frame_sigma_m: m, √λmax of C = (Σ HᵀR⁻¹H)⁻¹, one frame's triangulation, (N,).
+        detection: probability that each camera finds each point, (C, N); 0 where it does not see it. None if what is
+            visible is found, as without `evaluate(…, detection=…)`.
+        expected: expectations over which cameras find each point, with `detection`: `information` and C are then those
+            given that the point is found, and σ∞ is that of a filter that has this information in each frame.
     """
 
     task: Task
@@ -83,6 +88,8 @@ class Evaluation:
     information: Floats
     sigma_m: Floats
     single_frame_sigma_m: Floats
+    detection: Floats | None = None
+    expected: Expected | None = None
 
     @property
     def points_m(self) -> Floats:
@@ -111,7 +118,9 @@ class Evaluation:
 
     @cached_property
     def single_frame_covariance(self) -> Floats:
-        """m², (N, 3, 3), C = (Σ HᵀR⁻¹H)⁻¹ of one frame's triangulation."""
+        """m², (N, 3, 3), C = (Σ HᵀR⁻¹H)⁻¹ of one frame's triangulation; with `detection`, E[C | found]."""
+        if self.expected is not None:
+            return self.expected.covariance_m2
         filled = np.full((len(self.observable), 3, 3), np.nan)
         filled[self.observable] = np.linalg.inv(self.information[self.observable, :3, :3])
         return filled
@@ -145,23 +154,37 @@ class Evaluation:
         return sigma
 
     @property
+    def found(self) -> Floats:
+        """Probability, (N,), that the cameras that find a point fix it: 1 and 0 without `detection`."""
+        return self.observable.astype(float) if self.expected is None else self.expected.found
+
+    @property
     def inverse_sigma(self) -> Floats:
-        """1/m, (N,), what each point adds to the mean of Eq. 10; 0 where it is not observable."""
-        return np.nan_to_num(1 / self.sigma_m)
+        """1/m, (N,), what each point adds to the mean of Eq. 10; 0 where it is not observable.
+
+        With `detection`, 1/σ∞ times the probability that the point is found.
+        """
+        return np.nan_to_num((1 if self.expected is None else self.expected.found) / self.sigma_m)
 
     @property
     def single_frame_inverse_sigma(self) -> Floats:
-        """1/m, (N,), the same with √λmax of C in place of σ∞."""
+        """1/m, (N,), the same with √λmax of C in place of σ∞; with `detection`, E[1/√λmax C]."""
+        if self.expected is not None:
+            return self.expected.inverse_sigma
         return np.nan_to_num(1 / self.single_frame_sigma_m)
 
     @property
     def pss(self) -> float:
-        """1/m, Eq. 10."""
+        """1/m, Eq. 10; with `detection`, each point counts with the probability that it is found."""
+        if self.expected is not None:
+            return mean_inverse_sigma(self.sigma_m, self.expected.found)
         return mean_inverse_sigma(self.sigma_m)
 
     @property
     def pss_single_frame(self) -> float:
-        """1/m, Eq. 10 with √λmax of C in place of σ∞."""
+        """1/m, Eq. 10 with √λmax of C in place of σ∞; with `detection`, the mean of E[1/√λmax C]."""
+        if self.expected is not None:
+            return float(self.expected.inverse_sigma.mean())
         return mean_inverse_sigma(self.single_frame_sigma_m)
 
     @cached_property
@@ -200,6 +223,8 @@ class Evaluations(Sequence[Evaluation]):
         beyond: information of the whole state, (N, n, n), if a sensor measures more than positions; else None.
         sigma_m: m, σ∞, (K, N).
         single_frame_sigma_m: m, (K, N).
+        detection: (U, N), and
+        expected: of each configuration, as in `Evaluation`; None without `evaluate_many(…, detection=…)`.
     """
 
     task: Task
@@ -211,6 +236,8 @@ class Evaluations(Sequence[Evaluation]):
     beyond: Floats | None
     sigma_m: Floats
     single_frame_sigma_m: Floats
+    detection: Floats | None = None
+    expected: tuple[Expected, ...] | None = None
 
     def __len__(self) -> int:
         return len(self.configurations)
@@ -232,14 +259,20 @@ class Evaluations(Sequence[Evaluation]):
             information,
             self.sigma_m[k],
             self.single_frame_sigma_m[k],
+            None if self.detection is None else self.detection[chosen],
+            None if self.expected is None else self.expected[k],
         )
 
     @property
     def pss(self) -> Floats:
         """1/m, Eq. 10 of each configuration, (K,)."""
+        if self.expected is not None:
+            return np.array([evaluation.pss for evaluation in self])
         return np.asarray(np.nansum(1 / self.sigma_m, axis=1) / self.sigma_m.shape[1])
 
     @property
     def pss_single_frame(self) -> Floats:
         """1/m, Eq. 10 with √λmax of C, (K,)."""
+        if self.expected is not None:
+            return np.array([evaluation.pss_single_frame for evaluation in self])
         return np.asarray(np.nansum(1 / self.single_frame_sigma_m, axis=1) / self.sigma_m.shape[1])

@@ -9,10 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pss.camera import PTZCamera, as_points
-from pss.covariances import to_six
+from pss.covariances import largest_standard_deviation, to_six
+from pss.detection import DetectionModel
 from pss.errors import RangeError, ShapeError
 from pss.evaluation import Evaluation, Evaluations, Task
+from pss.expected import expected
 from pss.inputs import members
+from pss.legibility import TARGET_VISIBILITY
 from pss.noise import NoiseModel, noise_model
 from pss.photometry import Appearance
 from pss.process import RandomWalk
@@ -53,6 +56,7 @@ def evaluate(
     appearance: Appearance | None = None,
     sensors: Sequence[Sensor] = (),
     visibility: Sequence[VisibilityTest] = VISIBILITY_TESTS,
+    detection: DetectionModel | None = None,
 ) -> Evaluation:
     """Evaluate the PSS metric of one configuration (Eqs. 4–10).
 
@@ -65,6 +69,9 @@ def evaluate(
         appearance: how the targets look, for a noise model that asks for it ("physical").
         sensors: other modalities, whose measurements join the cameras' batch.
         visibility: the tests that a point must pass to be seen by a camera.
+        detection: the probability with which a camera finds what it sees (`pss.detection_model`). PSS, C and P∞ then
+            count which cameras find a point (`pss.expected`), and the default of `visibility` is the whole target. If
+            None, what is seen is found.
 
     Raises:
         ShapeError, RangeError: wrong shapes, values or normals; a noise model's R that is not positive definite.
@@ -80,6 +87,7 @@ def evaluate(
         appearance=appearance,
         sensors=sensors,
         visibility=visibility,
+        detection=detection,
     )[0]
 
 
@@ -94,6 +102,7 @@ def evaluate_many(
     appearance: Appearance | None = None,
     sensors: Sequence[Sensor] = (),
     visibility: Sequence[VisibilityTest] = VISIBILITY_TESTS,
+    detection: DetectionModel | None = None,
 ) -> Evaluations:
     """Evaluate K configurations, lists of cameras, at the same points; cameras that several share are looked at once.
 
@@ -109,6 +118,8 @@ def evaluate_many(
     if not isinstance(noise, str | Path) and not hasattr(noise, "of_views"):
         raise RangeError(f"noise is a {type(noise).__name__}; allowed: a noise model, or its name")
     tests = members(visibility, "visibility", "passed", "tests, as pss.visibility_tests returns them")
+    if detection is not None and not hasattr(detection, "probability"):
+        raise RangeError(f"detection is a {type(detection).__name__}; allowed: a pss.DetectionModel, or None")
     task = Task(
         points,
         unit_normals,
@@ -122,15 +133,54 @@ def evaluate_many(
     distinct = tuple({(c, c.name): c for cs in named for c in cs}.values())
     number = {(camera, camera.name): index for index, camera in enumerate(distinct)}
     chosen = tuple(np.array([number[c, c.name] for c in cs], dtype=np.intp) for cs in named)
-    visible, information = _measured(distinct, chosen, task, tests)
     of_sensors = _information_of_sensors(task)
-    if of_sensors is not None:
-        information += to_six(of_sensors[:, :3, :3])
     # Beyond the position only other sensors know of the state, and that for every configuration alike.
     beyond = of_sensors if of_sensors is not None and of_sensors.shape[-1] > 3 else None
-
+    positions = None if of_sensors is None else to_six(of_sensors[:, :3, :3])
+    if detection is not None:
+        whole = TARGET_VISIBILITY if tests == VISIBILITY_TESTS else tests
+        return _expected(distinct, chosen, task, whole, detection, positions, beyond)
+    visible, information = _measured(distinct, chosen, task, tests)
+    if positions is not None:
+        information += positions
     observable, sigma, frame_sigma = solve(task.processes, information, beyond)
     return Evaluations(task, distinct, chosen, visible, observable, information, beyond, sigma, frame_sigma)
+
+
+def _expected(
+    cameras: tuple[PTZCamera, ...],
+    configurations: tuple[Indices, ...],
+    task: Task,
+    tests: Sequence[VisibilityTest],
+    detection: DetectionModel,
+    positions: Floats | None,
+    beyond: Floats | None,
+) -> Evaluations:
+    """The evaluations where each camera finds what it sees with a probability.
+
+    Args:
+        positions: 1/m², six entries of what other sensors know of the position, (6, N).
+        beyond: what they know of the whole state, (N, n, n).
+    """
+    N = len(task.points_m)
+    visible, found = np.zeros((len(cameras), N), dtype=np.bool_), np.zeros((len(cameras), N))
+    of_cameras = np.zeros((len(cameras), 6, N))
+    points_at_once = max(1, PAIRS_AT_ONCE // max(len(cameras), 1))
+    for start in range(0, N, points_at_once) if cameras else ():
+        part = slice(start, start + points_at_once)
+        at = task.at(part)
+        views = Views(Cameras(cameras), at.points_m, at.normals, at.appearance)
+        visible[:, part] = visible_in(views, task.occluder, tests)
+        found[:, part] = np.where(visible[:, part], detection.probability(views), 0.0)
+        of_cameras[:, :, part] = task.noise.information(views, visible[:, part])
+    over_sets = tuple(expected(of_cameras[chosen], found[chosen], positions) for chosen in configurations)
+    information = np.array([over.information for over in over_sets]).reshape(-1, 6, N)
+    observable, sigma, _ = solve(task.processes, information, beyond)
+    covariance = np.array([over.covariance_m2 for over in over_sets]).reshape(-1, N, 3, 3)
+    frame_sigma = np.where(observable, largest_standard_deviation(covariance), np.nan)
+    return Evaluations(
+        task, cameras, configurations, visible, observable, information, beyond, sigma, frame_sigma, found, over_sets
+    )
 
 
 def _listed(configurations: Iterable[Iterable[PTZCamera]]) -> Iterator[tuple[PTZCamera, ...]]:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss.evaluation import Evaluation
+from pss.expected import probability_of_at_least
 from pss.metric_table import Metric, MetricTable
 from pss.rivals import RIVALS
 
@@ -18,7 +19,9 @@ CAMERAS_TO_OBSERVE = 2
 
 
 def _visible_twice(evaluation: Evaluation) -> Floats:
-    """Whether two cameras or more see each point, (N,): what `visible-share` is the mean of."""
+    """Whether two cameras or more see each point, (N,), or the probability that they find it: of `visible-share`."""
+    if evaluation.detection is not None:
+        return probability_of_at_least(evaluation.detection, CAMERAS_TO_OBSERVE)[-1]
     return np.asarray(evaluation.visible.sum(axis=0) >= CAMERAS_TO_OBSERVE, dtype=float)
 
 

@@ -3,6 +3,7 @@
 from pss.noise.calibrated import (
     CALIBRATION_FACTORS,
     CALIBRATION_LIMITS,
+    DETECTION_COEFFICIENTS,
     SCALED_MODELS,
     Calibration,
     calibration_factor,
@@ -26,6 +27,7 @@ __all__ = [
     "CALIBRATION_FACTORS",
     "CALIBRATION_LIMITS",
     "DEFAULT_CCD_NOISE",
+    "DETECTION_COEFFICIENTS",
     "NOISE_MODELS",
     "SCALED_MODELS",
     "SMALLEST_COS_INCIDENCE",

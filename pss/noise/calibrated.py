@@ -1,4 +1,4 @@
-"""A calibration: weights of noise factors and limits of detection, fitted on training views, in a file that says how.
+"""A calibration: weights of noise factors and what is detected, fitted on training views, in a file that says how.
 
 Beside them stand scales: one number for each model whose unit is open, with which it fits the same views best.
 
@@ -12,6 +12,14 @@ floor = 3e-5
 smallest_module_px = 2.3
 largest_blur_modules = 1.0
 
+[detection]                    # the probability of detection (`pss.detection_model`); may be left out
+constant = 8.3
+size = 2.0
+blur = 3.3
+signal = 6.7
+incidence = 0.0
+lapse = 0.005
+
 [scales]                       # of whole models R, which stay as they are; may be left out
 as-printed = 1e-5
 
@@ -23,7 +31,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -42,7 +50,14 @@ from pss.noise.photometric import BrightnessContrast
 from pss.noise.relative import ModuleSize, RelativeDefocus
 from pss.photometry import ImageSensor
 
-__all__ = ["CALIBRATION_FACTORS", "CALIBRATION_LIMITS", "SCALED_MODELS", "Calibration", "calibration_factor"]
+__all__ = [
+    "CALIBRATION_FACTORS",
+    "CALIBRATION_LIMITS",
+    "DETECTION_COEFFICIENTS",
+    "SCALED_MODELS",
+    "Calibration",
+    "calibration_factor",
+]
 
 CALIBRATION_FACTORS = (
     "brightness-contrast",
@@ -54,9 +69,19 @@ CALIBRATION_FACTORS = (
     "resolution",
 )
 CALIBRATION_LIMITS = ("smallest_module_px", "largest_blur_modules")
+# Of the probability of detection (`pss.detection`): from which value on, and below which, each is allowed.
+DETECTION_COEFFICIENTS: Mapping[str, tuple[float, float]] = {
+    "constant": (-math.inf, math.inf),
+    "size": (0.0, math.inf),
+    "blur": (0.0, math.inf),
+    "signal": (0.0, math.inf),
+    "incidence": (0.0, math.inf),
+    "lapse": (0.0, 1.0),
+}
 # The paper's models, which add m² to px², and R = I: their unit is open.
 SCALED_MODELS = ("as-printed", "corrected", "identity")
 
+TABLES = ("name", "weights", "limits", "detection", "scales", "provenance")
 # A longer value would push what is allowed out of sight.
 LONGEST_VALUE = 70
 
@@ -96,6 +121,7 @@ class Calibration:
     Attributes:
         weights: by factor, of covariances (px² where the factor itself is a ratio).
         limits: all of `CALIBRATION_LIMITS` (`pss.legibility.Legible`), or none.
+        detection: all of `DETECTION_COEFFICIENTS` (`pss.DetectionModel`), or none.
         scales: what the covariances of each of `SCALED_MODELS` are multiplied by to fit best, of all or of none.
     """
 
@@ -104,6 +130,7 @@ class Calibration:
     provenance: Mapping[str, str | int | float]
     limits: Mapping[str, float] = field(default_factory=dict)
     scales: Mapping[str, float] = field(default_factory=dict)
+    detection: Mapping[str, float] = field(default_factory=dict)
 
     def factors(
         self,
@@ -123,6 +150,8 @@ class Calibration:
         lines += [f"{factor} = {float(weight)!r}" for factor, weight in self.weights.items()]
         if self.limits:
             lines += ["", "[limits]", *(f"{limit} = {float(value)!r}" for limit, value in self.limits.items())]
+        if self.detection:
+            lines += ["", "[detection]", *(f"{name} = {float(value)!r}" for name, value in self.detection.items())]
         if self.scales:
             lines += ["", "[scales]", *(f"{model} = {float(value)!r}" for model, value in self.scales.items())]
         lines += ["", "[provenance]"]
@@ -134,16 +163,14 @@ class Calibration:
         """Read a calibration.
 
         Raises:
-            RangeError: the file is missing or no TOML, or holds something else than weights, limits, scales, name and
-                provenance.
+            RangeError: the file is missing or no TOML, or holds something else than weights, limits, detection, scales,
+                name and provenance.
         """
         if not Path(path).is_file():
             raise RangeError(f"{path}: there is no such file; allowed: the path of a calibration (.toml)")
         content = read_toml(path)
-        if unknown := set(content) - {"name", "weights", "limits", "scales", "provenance"}:
-            raise RangeError(
-                f"{path}: {sorted(unknown)[0]!r:.{LONGEST_VALUE}}; allowed: name, weights, limits, scales, provenance"
-            )
+        if unknown := set(content) - set(TABLES):
+            raise RangeError(f"{path}: {sorted(unknown)[0]!r:.{LONGEST_VALUE}}; allowed: {', '.join(TABLES)}")
         weights = content.get("weights")
         if not isinstance(weights, dict) or not weights:
             raise RangeError(
@@ -156,8 +183,9 @@ class Calibration:
                 raise RangeError(f"{path}: weights.{factor} = {_shown(weight)}; allowed: 0 or more, finite")
         if not any(weights.values()):
             raise RangeError(f"{path}: all weights are 0; allowed: at least one above")
-        limits = _positive(path, content, "limits", CALIBRATION_LIMITS)
-        scales = _positive(path, content, "scales", SCALED_MODELS)
+        limits = _numbers(path, content, "limits", dict.fromkeys(CALIBRATION_LIMITS))
+        scales = _numbers(path, content, "scales", dict.fromkeys(SCALED_MODELS))
+        detection = _numbers(path, content, "detection", DETECTION_COEFFICIENTS)
         name = content.get("name", Path(path).stem)
         if not isinstance(name, str):
             raise RangeError(f"{path}: name = {_shown(name)}; allowed: text")
@@ -173,22 +201,32 @@ class Calibration:
             provenance,
             limits,
             scales,
+            detection,
         )
 
 
-def _positive(path: str | Path, content: Mapping[str, object], table: str, names: Sequence[str]) -> dict[str, float]:
-    """A table that has a positive number for each of `names`, or none at all.
+def _numbers(
+    path: str | Path, content: Mapping[str, object], table: str, ranges: Mapping[str, tuple[float, float] | None]
+) -> dict[str, float]:
+    """A table that has a finite number for each name, or none at all.
+
+    Args:
+        ranges: by name, from which value on and below which it is allowed; None for above 0.
 
     Raises:
         RangeError: with path, key, value and what is allowed.
     """
     values = content.get(table, {})
-    if not isinstance(values, dict) or (values and set(values) != set(names)):
-        raise RangeError(f"{path}: {table} = {_shown(values)}; allowed: none, or {' and '.join(names)}")
+    if not isinstance(values, dict) or (values and set(values) != set(ranges)):
+        raise RangeError(f"{path}: {table} = {_shown(values)}; allowed: none, or {' and '.join(ranges)}")
     for name, value in values.items():
-        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
-            raise RangeError(f"{path}: {table}.{name} = {_shown(value)}; allowed: above 0, finite")
-    return {name: float(values[name]) for name in names if values}
+        low, high = ranges[name] or (0.0, math.inf)
+        number = not isinstance(value, bool) and isinstance(value, int | float) and math.isfinite(value)
+        if not number or not low <= value < high or (ranges[name] is None and value == 0):
+            allowed = "above 0" if ranges[name] is None else "" if math.isinf(low) else f"{low:g} or more"
+            allowed += f", below {high:g}" if math.isfinite(high) else ", finite" if allowed else "a finite number"
+            raise RangeError(f"{path}: {table}.{name} = {_shown(value)}; allowed: {allowed}")
+    return {name: float(values[name]) for name in ranges if values}
 
 
 def _shown(value: object) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss.evaluation import Evaluation
+from pss.expected import probability_of_at_least
 from pss.metric_table import Metric
 from pss.rivals.shared import directions
 from pss.views import Views
@@ -46,11 +47,16 @@ REFERENCE_DISTANCE_M = 2.0
 
 
 def visibility_count(evaluation: Evaluation, enough: int = ENOUGH_CAMERAS) -> float:
-    """Mean over points of min(m, k)/k, with m cameras that see the point, 0 to 1. More is better."""
+    """Mean over points of min(m, k)/k, with m cameras that see the point, 0 to 1. More is better.
+
+    With `evaluate(…, detection=…)` its expectation, with m cameras that find the point.
+    """
     return float(_counts(evaluation, enough).mean())
 
 
 def _counts(evaluation: Evaluation, enough: int = ENOUGH_CAMERAS) -> Floats:
+    if evaluation.detection is not None:
+        return np.asarray(probability_of_at_least(evaluation.detection, enough).mean(axis=0))
     return np.asarray(np.minimum(evaluation.visible.sum(axis=0), enough) / enough)
 
 
