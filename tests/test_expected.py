@@ -10,7 +10,7 @@ import pytest
 
 import pss
 import pss.expected
-from pss import Appearance, DetectionModel, PositionFix, PTZCamera, RangeError
+from pss import Appearance, DetectionModel, PTZCamera, RangeError
 from pss.covariances import from_six
 from pss.expected import expected, probability_of_at_least
 from pss.legibility import TARGET_VISIBILITY

@@ -21,10 +21,11 @@ from scenes.sweep_file import SWEEPS
 from validate.acquire import Acquired
 from validate.bank.ceilings import oracle_rows, parts_rows
 from validate.bank.design import BankDesign, ViewBank, detection_views, held_out_views, training_views
+from validate.bank.detected import detection_rows, reliability_rows
 from validate.bank.differences import difference_rows
 from validate.bank.filtered import filter_all
 from validate.bank.frozen import FrozenCalibration, leave, provenance_of, read_frozen
-from validate.bank.levels import blunder_row, consistency_rows, detection_rows, pixel_rows
+from validate.bank.levels import blunder_row, consistency_rows, pixel_rows
 from validate.bank.prepare import acquire_banks, calibrate, enough
 from validate.bank.process_noise import process_levels, process_rows
 from validate.bank.sensitivity import scale_rows, sensitivity_rows
@@ -35,6 +36,7 @@ from validate.bank.study import (
     asked_pairs,
     check_models,
     data_of,
+    detection_model_of,
     judged,
     noise_models,
     scene_contenders,
@@ -200,7 +202,7 @@ def _judge_all(
     calibrated_by: Mapping[str, object] = {}
     if enough(training, held_out, HEADLINE, messages):
         if frozen is None:
-            calibration = calibrate(training, acquired, design, out)
+            calibration = calibrate(training, acquired, design, out, banks[1])
         else:
             calibration = frozen.calibration
             leave(frozen, out)
@@ -273,7 +275,10 @@ def judge(
         rows["consistency"] += consistency_rows(verdict, bank, data, contenders, acquired, filtered)
         if count == HEADLINE:
             visible = visibilities(bank.scene, calibration)
-            rows["detection"] += detection_rows(bank, data, verdict, visible, acquired)
+            used, ramp = np.unique(verdict.configurations), detection_model_of(bank.scene, calibration)
+            rows["detection"] += detection_rows(bank, data, used, visible, ramp, acquired)
+            if ramp is not None:
+                rows["reliability"] = reliability_rows(bank, data, used, ramp, acquired)
             rows["sensitivity"] += sensitivity_rows(bank, data, verdict, visible["points"], acquired)
             names = [contender.name for contender in contenders]
             rows["size"] = size_rows(verdict, names)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pss import NoiseModel
 from pss.views import Views
-from pss.visibility import VisibilityTest, visible_in
 from validate.acquire import Acquired
 from validate.bank.consistency import anisotropy, of_errors, of_moments, pooled_spearman, root_trace_of, sandwich
 from validate.bank.design import ViewBank
@@ -21,7 +20,7 @@ from validate.bank.ranking import Resamples, with_interval
 from validate.bank.study import appearance_of
 from validate.bank.verdict import CountVerdict
 
-__all__ = ["blunder_row", "consistency_rows", "detection_rows", "pixel_rows"]
+__all__ = ["blunder_row", "consistency_rows", "pixel_rows"]
 
 Floats = NDArray[np.float64]
 Row = dict[str, object]
@@ -170,32 +169,3 @@ def blunder_row(verdict: CountVerdict) -> Row:
         "detections_rejected": rejected,
         "rejected_share": rejected / max(kept + rejected, 1),
     }
-
-
-def detection_rows(
-    bank: ViewBank,
-    data: BankData,
-    verdict: CountVerdict,
-    visibilities: Mapping[str, Sequence[VisibilityTest]],
-    acquired: Acquired,
-) -> list[Row]:
-    """Predicted visible × detected, over the markers in the views that configurations were drawn from, all trials."""
-    state = bank.scene.state
-    used = np.unique(verdict.configurations)
-    cameras = [bank.cameras[view] for view in used]
-    views = Views(cameras, state.points_m, state.normals, appearance_of(bank.scene, acquired))
-    rate = data.detected[used].mean(axis=1)
-    rows: list[Row] = []
-    for name, tests in visibilities.items():
-        seen = visible_in(views, state.occluders, tests)
-        rows.append(
-            {
-                "visibility": name,
-                "visible_detected": float((rate * seen).mean()),
-                "visible_missed": float(((1 - rate) * seen).mean()),
-                "hidden_detected": float((rate * ~seen).mean()),
-                "hidden_missed": float(((1 - rate) * ~seen).mean()),
-                "views": len(used),
-            }
-        )
-    return rows

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pss import METRICS, Appearance, Evaluation, NoiseModel, PTZCamera, evaluate_many
+from pss import METRICS, Appearance, DetectionModel, Evaluation, NoiseModel, PTZCamera, evaluate_many
 from pss.noise.covariance import PixelCovariance
 from pss.process import ProcessModel
 from pss.surrogates import Shape
@@ -69,11 +69,12 @@ class GivenVisibility:
 
 @dataclass(frozen=True, eq=False)
 class Contender:
-    """What is judged: a noise model, and what counts as visible."""
+    """What is judged: a noise model, what counts as visible, and the probability that it is found (None: it is)."""
 
     name: str
     noise: NoiseModel
     visibility: tuple[VisibilityTest, ...] = VISIBILITY_TESTS
+    detection: DetectionModel | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,9 +103,9 @@ class Predicted:
         scores: metrics by name, of those that are no mean over the points.
         terms: of those that are, what each point adds, (N,).
         sigma_m: m, σ∞, (N,).
-        covariance_m2: m², C of one frame, (N, 3, 3).
-        information: 1/m², of one frame that finds the point, (N, 3, 3); the filter's at any process noise.
-        found: probability of that, (N,): 1 where the point is observable, else 0.
+        covariance_m2: m², C of one frame, (N, 3, 3); with a probability of detection, E[C | found].
+        information: 1/m², of one frame that finds the point, (N, 3, 3), likewise; the filter's at any process noise.
+        found: probability of that, (N,): 1 where the point is observable, else 0, without one.
         visible: (c, N).
     """
 
@@ -168,6 +169,7 @@ def _predict(task: PredictionTask, jobs: Sequence[tuple[int, ...]]) -> list[dict
             occluder=task.occluders,
             appearance=task.appearance,
             visibility=contender.visibility,
+            detection=contender.detection,
         )
         for of_all, evaluation in zip(found, evaluations, strict=True):
             of_all[contender.name] = _predicted(task, contender.name, evaluation)
@@ -186,6 +188,6 @@ def _predicted(task: PredictionTask, name: str, evaluation: Evaluation) -> Predi
         evaluation.sigma_m,
         evaluation.single_frame_covariance,
         evaluation.information[:, :3, :3],
-        evaluation.observable.astype(float),
+        evaluation.found,
         evaluation.visible,
     )

@@ -9,7 +9,7 @@ from pss.noise import Calibration
 from render.backend import Backend
 from validate.acquire import Acquired, acquire
 from validate.bank.design import BankDesign, ViewBank
-from validate.bank.study import calibrated, data_of, limits_of, scales_of
+from validate.bank.study import calibrated, data_of, detection_of, limits_of, scales_of
 from validate.run_messages import RunMessages
 from validate.scale.options import HERE, Scale
 from validate.store import Store, write_text
@@ -47,11 +47,18 @@ def enough(training: ViewBank, judged: ViewBank, cameras: int, messages: RunMess
     return False
 
 
-def calibrate(training: ViewBank, acquired: Acquired, design: BankDesign, out: Path) -> Calibration:
-    """Noise weights, limits of detection and scales by the training views, left as `calibrated.toml`."""
+def calibrate(
+    training: ViewBank, acquired: Acquired, design: BankDesign, out: Path, detection: ViewBank | None = None
+) -> Calibration:
+    """Noise weights, limits of detection and scales by the training views, left as `calibrated.toml`.
+
+    With the bank of `detection_views` the probability of detection too, by these and the training views. They enter
+    nothing else.
+    """
     data = data_of(training, acquired, design.seed)
     fitted, limits = calibrated(training, data, acquired), limits_of(training, data, acquired)
     scales = scales_of(training, data, acquired, fitted)
+    ramp = None if detection is None else detection_of((training, detection), acquired, design.seed)
     provenance: dict[str, str | int | float] = {
         "scene": training.scene.path.name,
         "views": len(training.views),
@@ -62,8 +69,10 @@ def calibrate(training: ViewBank, acquired: Acquired, design: BankDesign, out: P
         "left_out_as_blunders": fitted.left_out,
         "deviance_per_moment": fitted.deviance / fitted.moments,
         **limits.provenance,
+        **({} if ramp is None else ramp.provenance),
         "fitted_by": "python validate/run_sweep.py bank",
     }
-    calibration = Calibration("calibrated", fitted.weights, provenance, limits.limits, scales)
+    coefficients = {} if ramp is None else ramp.coefficients
+    calibration = Calibration("calibrated", fitted.weights, provenance, limits.limits, scales, coefficients)
     write_text(out / "calibrated.toml", calibration.to_toml())
     return calibration

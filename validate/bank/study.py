@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pss import METRICS, Appearance, NoiseModel
+from pss import METRICS, Appearance, DetectionModel, NoiseModel
 from pss.json_text import json_text
 from pss.legibility import TARGET_VISIBILITY, within_limits
 from pss.noise import CALIBRATION_FACTORS, SCALED_MODELS, Calibration
@@ -29,6 +29,7 @@ from validate.calibrate import (
     model_covariance,
     pixel_moments,
 )
+from validate.calibrate_detection import DetectionTrials, FittedDetection, detection_trials, fit_detection
 from validate.calibrate_limits import FittedLimits, fit_limits
 from validate.scales import scaled
 
@@ -45,6 +46,8 @@ __all__ = [
     "calibrated",
     "check_models",
     "data_of",
+    "detection_model_of",
+    "detection_of",
     "judged",
     "limits_of",
     "noise_models",
@@ -116,6 +119,22 @@ def limits_of(bank: ViewBank, data: BankData, acquired: Acquired) -> FittedLimit
     return fit_limits(views, state.occluders, data.detected.mean(axis=1), bank.scene.sensor)
 
 
+def detection_of(banks: Sequence[ViewBank], acquired: Acquired, seed: int) -> FittedDetection:
+    """The probability of detection fitted on banks of training views."""
+    trials = []
+    for bank in (bank for bank in banks if bank.views):
+        state = bank.scene.state
+        views = Views(list(bank.cameras), state.points_m, state.normals, appearance_of(bank.scene, acquired))
+        rate, renders = data_of(bank, acquired, seed).detected.mean(axis=1), len(bank.views[0].renders)
+        trials.append(detection_trials(views, state.occluders, rate, renders, bank.scene.sensor))
+    return fit_detection(DetectionTrials.together(trials))
+
+
+def detection_model_of(scene: Scene, calibration: Calibration) -> DetectionModel | None:
+    """The calibration's probability of detection by the scene's sensor; None if it has none."""
+    return DetectionModel(calibration.detection, scene.sensor) if calibration.detection else None
+
+
 def noise_models(scene: Scene, calibration: Calibration) -> list[NoiseModel]:
     """The R_k that are judged in a scene, with its own sensor, switched-off factors and scale of Eq. 11.
 
@@ -147,8 +166,17 @@ def scene_contenders(scene: Scene, calibration: Calibration) -> list[Contender]:
         Contender(PHYSICAL_WHOLE, models["physical"], visible["whole markers"]),
         Contender(CALIBRATED_R, models[calibration.name], scene.visibility),
         Contender(CALIBRATED_LIMITS, models[calibration.name], visible["fitted limits"]),
-        Contender(FULL_MODEL, models[calibration.name], visible["fitted limits"]),
+        _full_model(models[calibration.name], visible, detection_model_of(scene, calibration)),
     ]
+
+
+def _full_model(
+    noise: NoiseModel, visible: Mapping[str, tuple[VisibilityTest, ...]], detection: DetectionModel | None
+) -> Contender:
+    """The fitted R with the probability of detection; with the limits, if the calibration has no such probability."""
+    if detection is None:
+        return Contender(FULL_MODEL, noise, visible["fitted limits"])
+    return Contender(FULL_MODEL, noise, visible["whole markers"], detection)
 
 
 def judged(contenders: Sequence[Contender]) -> dict[str, dict[str, list[str]]]:
@@ -156,7 +184,8 @@ def judged(contenders: Sequence[Contender]) -> dict[str, dict[str, list[str]]]:
     return {
         contender.name: {
             "noise": [factor.name for factor in contender.noise.factors],
-            "visibility": [test.name for test in contender.visibility],
+            "visibility": [test.name for test in contender.visibility]
+            + ["probability of detection"] * (contender.detection is not None),
         }
         for contender in contenders
     }
