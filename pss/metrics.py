@@ -21,7 +21,7 @@ CAMERAS_TO_OBSERVE = 2
 def _visible_twice(evaluation: Evaluation) -> Floats:
     """Whether two cameras or more see each point, (N,), or the probability that they find it: of `visible-share`."""
     if evaluation.detection is not None:
-        return probability_of_at_least(evaluation.detection, CAMERAS_TO_OBSERVE)[-1]
+        return np.asarray(probability_of_at_least(evaluation.detection, CAMERAS_TO_OBSERVE)[-1])
     return np.asarray(evaluation.visible.sum(axis=0) >= CAMERAS_TO_OBSERVE, dtype=float)
 
 
