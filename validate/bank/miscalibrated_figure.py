@@ -57,7 +57,7 @@ def draw(path: Path, rows: Rows) -> None:
     panels[0, -1].set_title("all three")
     panels[-1, -1].set_xlabel("σ in degrees / % / mm")
     panels[0, 0].set_ylim(0, 1.02)
-    panels[-1, 0].legend(loc="lower left", fontsize=9)
+    figure.legend(*panels[-1, 0].get_legend_handles_labels(), loc="outside lower center", ncols=len(CURVES) + 1)
     figure.suptitle("Four cameras whose calibration is wrong by an unknown error", fontsize=14)
     with atomic_path(path) as temporary:
         figure.savefig(temporary, dpi=DPI, format="png")

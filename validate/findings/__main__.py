@@ -1,4 +1,4 @@
-"""`python -m validate.findings`: docs/findings.md and its figures, from the tables in results/reference."""
+"""`python -m validate.findings`: docs/findings.md, its figures and README's numbers, from results/reference."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from validate.exit_codes import EXIT_DONE, EXIT_MISTAKE
 from validate.findings.figures import drawings_of, write_pdf, write_svg
 from validate.findings.page import findings_page
 from validate.findings.places import places_of_reference
+from validate.findings.readme import write_pages
 from validate.store import write_text
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -26,7 +27,8 @@ def run(
     """Make the page of findings from tables; without options it is printed.
 
     Args:
-        write: write findings.md and figures/findings-*.svg into the folder of docs.
+        write: write findings.md and figures/findings-*.svg into the folder of docs, and the numbers of the other pages
+            and of the README beside it.
         pdf: write the figures as PDF, 7 inches wide, for a paper.
         reference: folder of the tables.
         docs: folder of the page.
@@ -40,6 +42,7 @@ def run(
         write_text(docs / "findings.md", page)
         for drawing in drawings:
             write_svg(drawing, docs / "figures")
+        write_pages(docs.parent, reference)
     if pdf is not None:
         pdf.mkdir(parents=True, exist_ok=True)
         for drawing in drawings:

@@ -7,7 +7,6 @@ of its own it is a block, within a line it is a part of a sentence.
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -17,7 +16,7 @@ from validate.findings.blocks_of_hallway import HALLWAY_BLOCKS
 from validate.findings.blocks_of_sweeps import SWEEP_BLOCKS
 from validate.store import write_text
 
-__all__ = ["BLOCKS", "numbered_pages", "readme_text"]
+__all__ = ["BLOCKS", "numbered_pages", "readme_text", "write_pages"]
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -52,15 +51,10 @@ def readme_text(readme: str, reference: Path) -> str:
 def numbered_pages(root: Path = ROOT) -> list[Path]:
     """The README and the pages of docs that have blocks."""
     pages = (root / "README.md", *sorted((root / "docs").glob("*.md")))
-    return [page for page in pages if "<!-- numbers:" in page.read_text(encoding="utf-8")]
+    return [page for page in pages if page.exists() and "<!-- numbers:" in page.read_text(encoding="utf-8")]
 
 
-def main(root: Path = ROOT) -> int:
+def write_pages(root: Path, reference: Path) -> None:
     """Make the blocks of all pages anew, in place."""
     for page in numbered_pages(root):
-        write_text(page, readme_text(page.read_text(encoding="utf-8"), root / "results" / "reference"))
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+        write_text(page, readme_text(page.read_text(encoding="utf-8"), reference))
