@@ -23,6 +23,7 @@ from validate.bank.phase import LARGEST_TURN_PX, carried_back, joined, turned
 from validate.bank.predicted import Contender, GivenCovariance, PredictionTask, predict_all
 from validate.bank.ranking import Resamples, judge_against, partial, top_hits
 from validate.bank.sensitivity import variants
+from validate.bank.size_bins import BINS, size_rows
 from validate.bank.verdict import CountVerdict, leaderboard, yardsticks
 from validate.measure import ViewMeasurement
 
@@ -234,6 +235,14 @@ def test_the_right_covariance_ranks_and_is_consistent(room, small):
     assert row["nees_per_dof"] == pytest.approx(1, abs=0.05)
     assert row["coverage_90"] == pytest.approx(0.9, abs=0.02)
     assert row["median_abs_log_ratio"] < 0.15
+    bins = size_rows(verdict, ["true", "identity"])
+    ratios = {name: [row["measured_rms_m"] / row["predicted_rms_m"] for row in bins if row["noise_model"] == name]
+              for name in ("true", "identity")}  # fmt: skip
+    # RMS over 24 trials scatter by 1/√(6 · 24) = 8 %, and cells of a bin share points and views, so that their median
+    # does nearly as much. R = I takes errors for 1 px where they are 0.02 to 0.4 px.
+    assert len(ratios["true"]) == BINS
+    assert max(abs(ratio - 1) for ratio in ratios["true"]) < 0.17, ratios["true"]
+    assert max(ratios["identity"]) < 0.5
 
 
 def test_results_do_not_depend_on_the_number_of_processes(small):
