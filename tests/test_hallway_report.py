@@ -77,12 +77,13 @@ def column(made, state, name):
 
 def test_the_verdict_has_the_numbers_of_agreement_csv(made):
     said = cells(made, "verdicts")
-    assert len(said) == 5 * 2
+    assert len(said) == len(made.both.noise_models) * 2
     for model, kind, pairs, rho, _, ratio, factor in said:
         [row] = rows(made, "agreement", avatar="both", zoom_limit="none", strategy="all", kind=kind, noise_model=model)
         assert pairs == row["n"] == str(2 * STEPS)
         for text, name in ((rho, "spearman"), (ratio, "median_abs_log_ratio")):
-            wanted = [float(row[key]) for key in (name, f"{name}_ci_low", f"{name}_ci_high")]
+            # Of so few steps, ρ = 1 has no interval.
+            wanted = [float(row[key]) for key in (name, f"{name}_ci_low", f"{name}_ci_high") if row[key]]
             assert numbers(text) == [round(value, 2) for value in wanted], (model, kind)
         meant = [
             round(float(np.exp(float(row[f"median_abs_log_ratio{end}"]))), 2) for end in ("", "_ci_low", "_ci_high")
