@@ -30,7 +30,7 @@ class OwnCameras:
     Attributes:
         inverse_sigma: 1/m, 1/σ of every marker from the cameras that are assigned to its avatar, (K, N).
         samples: 1/m, PSS, the mean of the same, resampled, (B, K).
-        found: share of frames in which those cameras find the marker, (K, N); predicted 0 or 1.
+        found: share of frames in which those cameras find the marker, (K, N); predicted 0 or 1, or a probability.
         point_weights: of the resamples, (B, N).
     """
 
@@ -86,7 +86,7 @@ def own_cameras(
                 inverse[name_of, HEADLINE_KIND][step, markers] = predicted_inverse(said, headline)[0]
                 inverse[name_of, "single frame"][step, markers] = inverse_sigma(said, single_frame=True)
                 for kind in KINDS:
-                    rates[name_of, kind][step, markers] = said.observable
+                    rates[name_of, kind][step, markers] = said.found
             wanted = [design.views[run][step][c] for c in mine]
             rng = random_stream(
                 design.schedule.said.seed, "+".join(item.request.content for item in wanted), "filter of own cameras"

@@ -89,9 +89,14 @@ def alike_frame_rate_hz(level: Level, own: Level) -> float:
 
 
 def inverse_sigma(evaluation: Evaluation, single_frame: bool) -> Floats:
-    """1/m, (N,), what each marker adds to predicted PSS of the single frame, or of the filter at the task's process."""
+    """1/m, (N,), what each marker adds to predicted PSS of the single frame, or of the filter at the task's process.
+
+    With a probability of detection it is an expectation over which cameras find the marker, as `Evaluation.pss` is.
+    """
+    if single_frame and evaluation.expected is not None:
+        return evaluation.expected.inverse_sigma
     sigma = evaluation.single_frame_sigma_m if single_frame else evaluation.sigma_m
-    return np.nan_to_num(1 / sigma)
+    return np.nan_to_num(evaluation.found / sigma)
 
 
 def predicted_inverse(evaluation: Evaluation, levels: Sequence[Level]) -> Floats:
@@ -103,7 +108,8 @@ def predicted_inverse(evaluation: Evaluation, levels: Sequence[Level]) -> Floats
         process = level.process
         blocks = axis_blocks(process.A, process.Q, np.zeros((process.states, process.states)))
         assert blocks is not None  # of constant velocity, all axes move alike
-        of_level[seen] = np.nan_to_num(1 / np.sqrt(position_variance(*blocks, smallest, unsolvable="nan")))
+        variance = position_variance(*blocks, smallest, unsolvable="nan")
+        of_level[seen] = np.nan_to_num(evaluation.found[seen] / np.sqrt(variance))
     return terms
 
 

@@ -122,8 +122,9 @@ class ScheduleResult(SweepResult):
     def counts(self) -> dict[tuple[str, str], Curves]:
         """What PSS would be if all markers that count had σ = 1, by the keys of `curves`.
 
-        Predicted, the share of markers that are observable; measured, the share that is triangulated, in the mean over
-        the trials. Resampled as the curves beside them, so that a ratio of the two is PSS of the markers that count.
+        Predicted, the share of markers that are expected to be found; measured, the share that is triangulated, in the
+        mean over the trials. Resampled as the curves beside them, so that a ratio of the two is PSS of the markers that
+        count.
         """
         replicates, found = self._resampled, {}
         weights = replicates.point_weights
@@ -132,7 +133,7 @@ class ScheduleResult(SweepResult):
         by_trials = np.einsum("bt,stn,bn->bs", replicates.trial_weights, detected, weights, optimize=True)
         for kind in KINDS:
             for model in self.noise_models:
-                share = np.array([a.predicted[model].observable for a in self.assessments], dtype=float)
+                share = np.array([a.predicted[model].found for a in self.assessments])
                 found[model, kind] = self.terms_of("predicted", model, kind, share)
             samples = by_trials if kind == "single frame" else weights @ rates.T
             found["", kind] = self._curves("measured", "", kind, rates.mean(axis=1), samples)

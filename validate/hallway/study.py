@@ -210,6 +210,7 @@ def predicted_at(
             occluder=state.occluders,
             appearance=_look_of(look, markers),
             visibility=contender.visibility,
+            detection=contender.detection,
         )
     )
 
@@ -250,12 +251,13 @@ def _of_surrogates(
             occluder=bodies,
             appearance=typical,
             visibility=contender.visibility,
+            detection=contender.detection,
         )
         for of_all, evaluation in zip(found, evaluations, strict=True):
             for name, members in groups.items():
                 sigma = evaluation.sigma_m[members]
                 of_all[name][contender.name] = SurrogatePrediction(
-                    mean_inverse_sigma(sigma), pooled(sigma, members[members])
+                    mean_inverse_sigma(sigma, evaluation.found[members]), pooled(sigma, members[members])
                 )
     return found
 

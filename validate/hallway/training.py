@@ -28,6 +28,7 @@ from validate.calibrate import (
     model_covariance,
     pixel_moments,
 )
+from validate.calibrate_detection import DetectionTrials, detection_trials, fit_detection
 from validate.calibrate_limits import limits_of_targets, whole_targets
 from validate.hallway.runs import step_views
 from validate.hallway.stage import Stage
@@ -41,6 +42,8 @@ TIMES = (0.07, 0.22, 0.38, 0.62, 0.83)
 WIDER_LANES = 1.4
 # Spreads of what a camera is set to about the exact aim, zoom and focus.
 AIM_M, ZOOM_LOG, FOCUS_LOG = 0.2, 0.25, 0.15
+# Of each training view.
+RENDERS = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,12 +83,12 @@ def training_views(schedule: ScheduleFile, stage: Stage, renderer: str) -> list[
 
 
 def calibrate_hallway(training: list[Training], acquired: Acquired) -> Calibration:
-    """The weights, limits and scales that fit the training views.
+    """The weights, scales, limits and the probability of detection that fit the training views.
 
     Raises:
         RangeError: no marker was found often enough in any of them.
     """
-    moments, covariances, of_models, targets = [], [], [], []
+    moments, covariances, of_models, targets, trials = [], [], [], [], []
     for place in training:
         state, sensor = place.scene.state, place.scene.sensor
         look = acquired.appearances[state_key(state)]
@@ -103,6 +106,7 @@ def calibrate_hallway(training: list[Training], acquired: Acquired) -> Calibrati
             )
         rate = np.array([view.detected.mean(axis=0) for view in measured])
         targets.append(whole_targets(views, state.occluders, rate, sensor))
+        trials.append(detection_trials(views, state.occluders, rate, RENDERS, sensor))
     if not moments:
         raise RangeError("no marker was found often enough in any training view; allowed: at least one in one of them")
     together = PixelMoments(
@@ -115,6 +119,7 @@ def calibrate_hallway(training: list[Training], acquired: Acquired) -> Calibrati
         for name, whole in zip(SCALED_MODELS, np.concatenate(of_models, axis=1), strict=True)
     }
     limits = limits_of_targets(*(np.concatenate(parts) for parts in zip(*targets, strict=True)))
+    ramp = fit_detection(DetectionTrials.together(trials))
     provenance: dict[str, str | int | float] = {
         "places": len(training),
         "views": sum(len(place.wanted) for place in training),
@@ -122,6 +127,7 @@ def calibrate_hallway(training: list[Training], acquired: Acquired) -> Calibrati
         "left_out_as_blunders": fitted.left_out,
         "deviance_per_moment": fitted.deviance / fitted.moments,
         **limits.provenance,
+        **ramp.provenance,
         "fitted_by": "python validate/run_sweep.py schedule",
     }
-    return Calibration("calibrated", fitted.weights, provenance, limits.limits, scales)
+    return Calibration("calibrated", fitted.weights, provenance, limits.limits, scales, ramp.coefficients)
