@@ -27,13 +27,9 @@ def root_trace(covariance: Floats) -> Floats:
     return np.asarray(np.sqrt(np.trace(covariance, axis1=-2, axis2=-1)))
 
 
-def mean_inverse_sigma(sigma_m: Floats, weight: Floats | float = 1.0) -> float:
-    """1/m, Eq. 10: Σ 1/σ over the observable points, divided by the number of all points, (N,); nan adds zero.
-
-    Args:
-        weight: what each term is multiplied by, (N,) or one for all.
-    """
-    return float(np.nansum(weight / sigma_m) / len(sigma_m))
+def mean_inverse_sigma(sigma_m: Floats) -> float:
+    """1/m, Eq. 10: Σ 1/σ over the observable points, divided by the number of all points, (N,); nan adds zero."""
+    return float(np.nansum(1 / sigma_m) / len(sigma_m))
 
 
 def from_six(six: Floats) -> Floats:

@@ -177,7 +177,7 @@ class Evaluation:
     def pss(self) -> float:
         """1/m, Eq. 10; with `detection`, each point counts with the probability that it is found."""
         if self.expected is not None:
-            return mean_inverse_sigma(self.sigma_m, self.expected.found)
+            return float(self.inverse_sigma.mean())
         return mean_inverse_sigma(self.sigma_m)
 
     @property

@@ -201,7 +201,7 @@ def test_a_file_gives_the_same_model(tmp_path, world):
         ("[weights]\nfloor = true", "weights.floor = True; allowed: 0 or more"),
         ("[weights]\nbloor = 1.0", "weights.bloor; allowed: brightness-contrast, floor"),
         ("[weights]\nfloor = 0.0", "all weights are 0"),
-        ("[weights]\nfloor = 1.0\n[fit]\n", "'fit'; allowed: name, weights, limits, scales, provenance"),
+        ("[weights]\nfloor = 1.0\n[fit]\n", "'fit'; allowed: name, weights, limits, detection, scales, provenance"),
         ("[weights]\nfloor = 1.0\n[scales]\nidentity = 1.0", "allowed: none, or as-printed and corrected and identity"),
         (
             "[weights]\nfloor = 1.0\n[scales]\nas-printed = 1.0\ncorrected = 0.0\nidentity = 1.0",
