@@ -97,7 +97,9 @@ def reliability_rows(
             "views": int(within.any(axis=1).sum()),
             "predicted": float(chance[within].mean()) if within.any() else float("nan"),
         }
-        rows.append(row | with_interval("found", crossed_mean(np.where(within, rate, np.nan), resamples)))
+        found = with_interval("found", crossed_mean(np.where(within, rate, np.nan), resamples))
+        # An interval that is as long on either side may leave the range of a share.
+        rows.append(row | {name: float(np.clip(value, 0.0, 1.0)) for name, value in found.items()})
     return rows
 
 
