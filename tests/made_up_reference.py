@@ -100,11 +100,12 @@ def _bank(lower: float) -> dict[str, Table]:
         ],
         "detection": [
             {"visibility": kind, "visible_detected": 0.4, "visible_missed": 0.1, "hidden_detected": 0.0,
-             "hidden_missed": 0.5, "views": 70}
+             "hidden_missed": 0.5, "views": 70, "brier": 0.05, "log_loss": 0.2}
             for kind in ("points", "whole markers")
         ],
         "reliability": [
-            {"predicted": 0.1 + 0.2 * step, "pairs": 100 * step + 50, **_around("found", 0.12 + 0.19 * step, 0.02)}
+            {"probability_from": 0.2 * step, "probability_to": 0.2 * step + 0.2, "whole_markers": 100 * step + 50,
+             "views": 70, "predicted": 0.1 + 0.2 * step, **_around("found", 0.12 + 0.19 * step - lower, 0.04)}
             for step in range(5)
         ],
         "blunders": [{"cameras": 4, "detections_kept": 1000, "detections_rejected": 1, "rejected_share": 0.001}],

@@ -206,7 +206,9 @@ def test_another_number_is_another_page(copy):
 
 def test_all_figures_are_drawn_from_whole_tables(made_up):
     names = [drawing.name for drawing in drawings_of(places_of_reference(made_up))]
-    assert names == [f"findings-{name}" for name in ("ranking", "process", "sigma", "regret", "size", "nees")]
+    assert names == [
+        f"findings-{name}" for name in ("ranking", "process", "sigma", "regret", "size", "nees", "detection")
+    ]
 
 
 def test_a_changed_number_changes_the_digest_of_its_figure_alone(copy):
@@ -251,7 +253,7 @@ def test_the_command_prints_or_writes(made_up, tmp_path, capsys, monkeypatch):
     assert (tmp_path / "findings.md").read_text(encoding="utf-8") == page
     shown = re.findall(r"\(figures/(findings-[\w-]+\.svg)\)", page)
     assert sorted(path.name for path in (tmp_path / "figures").iterdir()) == sorted(shown)
-    assert len(list((tmp_path / "pdf").iterdir())) == len(shown) == 6
+    assert len(list((tmp_path / "pdf").iterdir())) == len(shown) == 7
 
 
 def test_the_command_refuses_a_folder_that_is_not_there(tmp_path):

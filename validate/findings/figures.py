@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from validate.drawing import plt
 from validate.findings.contenders import Contender, contenders_in
+from validate.findings.detection_figure import detection_curves, detection_figure
 from validate.findings.forest import Axis, Mark, Panel, forest, style
 from validate.findings.places import COUNT, HEADLINE, SINGLE_FRAME, Place
 from validate.findings.process import at_headline
@@ -64,7 +65,7 @@ class Drawing:
 
 def drawings_of(places: Sequence[Place]) -> list[Drawing]:
     """Those that there are tables for."""
-    makers = (_ranking, _process, _sigma, _regret, _size, _nees)
+    makers = (_ranking, _process, _sigma, _regret, _size, _nees, _detection)
     return [drawing for maker in makers if (drawing := maker(places)) is not None]
 
 
@@ -251,4 +252,19 @@ def _size(places: Sequence[Place]) -> Drawing | None:
         "their quartiles where it is calibrated. What lies off the axes is named.",
         "\n".join(map(str, curves)),
         lambda scale: size_figure(curves, scale),
+    )
+
+
+def _detection(places: Sequence[Place]) -> Drawing | None:
+    curves = detection_curves(places)
+    if not curves:
+        return None
+    return Drawing(
+        "findings-detection",
+        "Share of whole markers found over the predicted probability of detection, a panel for each room and light; on "
+        "the diagonal they agree.",
+        "**Detection.** The share of whole markers that were found, in bins of the predicted probability, with 95 % "
+        "intervals.",
+        "\n".join(map(str, curves)),
+        lambda scale: detection_figure(curves, scale),
     )

@@ -144,8 +144,10 @@ def detection_table(places: Sequence[Place]) -> str:
         for row in place.rows("detection"):
             shares = (row.get(f"{a}_{b}", "") for a in ("visible", "hidden") for b in ("detected", "missed"))
             thrown = percent(blunders.get("rejected_share", "")) if blunders else NOTHING
-            rows.append([place.title, row["visibility"], *map(percent, shares), thrown])
+            scores = (f"{value_of(row, name):.3f}" if _there(row, name) else NOTHING for name in ("brier", "log_loss"))
+            rows.append([place.title, row["visibility"], *map(percent, shares), thrown, *scores])
     heads = ["where", "visible by", "seen, found", "seen, missed", "hidden, found", "neither", "thrown out by χ²"]
+    heads += ["Brier score", "log loss"]
     return markdown_table(heads, rows)
 
 
