@@ -21,9 +21,20 @@ from validate.crossed import Resamples
 TRUTH_ROOMS = 400
 # Of 1,000 rooms a coverage of 0.95 has a standard error of 0.007. Asked is 0.93 to 0.97; what misses it is named with
 # its own bounds, and the docs say so: what is peculiar to one view of one point counts with the view and the point.
-ROOMS, ALLOWED = 1000, (0.93, 0.985)
-TOO_LONG = ("rho of points", "regret", "regret of the oracle", "regret over the oracle's", "ceiling")
-A_LITTLE_SHORT = {"NEES": 0.90, "coverage": 0.90}
+ROOMS, ALLOWED = 1000, (0.93, 0.97)
+OWN_BOUNDS = {
+    "difference of rho": (0.92, 0.98),
+    "NEES": (0.90, 0.985),
+    "coverage": (0.90, 0.985),
+    "rho": (0.93, 1.0),
+    "rho of a worse model": (0.93, 1.0),
+    "partial rho": (0.93, 1.0),
+    "rho of points": (0.94, 1.0),
+    "regret": (0.95, 1.0),
+    "regret of the oracle": (0.97, 1.0),
+    "regret over the oracle's": (0.93, 1.0),
+    "ceiling": (0.97, 1.0),
+}
 # Of 60 rooms it has 0.028: three and a half of them down; nothing is asked of the upper end.
 FEW_ROOMS, FEW_ALLOWED = 60, 0.85
 
@@ -100,8 +111,9 @@ def test_a_perfect_prediction_is_at_the_ceiling():
 @pytest.mark.parametrize("cameras", [1.0, 0.0])
 @pytest.mark.parametrize("size", [2, 4, 6])
 def test_intervals_cover(size, cameras):
-    """Every kind within 0.93 to 0.97 of 1,000 rooms, with cameras that matter as much as their views and not at all."""
+    """Every kind in 1,000 rooms, within `ALLOWED` or bounds of its own; cameras matter as views do, or not."""
     found = coverage(size, cameras, ROOMS, 2000)
     print(size, cameras, found)
     for name, share in found.items():
-        assert A_LITTLE_SHORT.get(name, ALLOWED[0]) <= share <= (1.0 if name in TOO_LONG else ALLOWED[1]), (name, found)
+        low, high = OWN_BOUNDS.get(name, ALLOWED)
+        assert low <= share <= high, (name, found)
