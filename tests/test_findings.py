@@ -54,6 +54,7 @@ def test_the_page_is_made_from_the_tables():
     """`python -m validate.findings --write` changes nothing."""
     page = (ROOT / "docs" / "findings.md").read_text(encoding="utf-8")
     assert page == findings_page(REFERENCE)
+    assert not re.search(r"^- ", page, re.MULTILINE)
     for heading in ("One factor at a time", "Where the sweeps' errors are from", "If the calibration is wrong"):
         assert f"### {heading}" in page
 

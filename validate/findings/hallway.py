@@ -8,7 +8,7 @@ from __future__ import annotations
 import statistics
 from collections.abc import Iterable, Sequence
 
-from validate.findings.tables import Row, Tables, all_of, number, one_of, with_range
+from validate.findings.tables import NOTHING, Row, Tables, all_of, markdown_table, number, one_of, percent, with_range
 
 __all__ = ["hallway_findings"]
 
@@ -76,17 +76,17 @@ def _agreement(rows: Sequence[Row]) -> str:
                 row = one_of(chosen, strategy=strategy, kind=kind, noise_model=model)
                 cells.append(f"{number(row, 'spearman')}; {float(row['median_abs_log_ratio']):.2f}")
         lines.append(_line([strategy, *cells]))
-    said = []
+    over_all, said = [], []
     for kind in kinds:
         of_all = [one_of(chosen, strategy="all", kind=kind, noise_model=model) for model in models]
-        each = "; ".join(f"{row['noise_model']} {number(row, 'spearman')}" for row in of_all)
-        in_metres = [row for row in of_all if row["noise_model"] not in OF_THE_PAPER]
-        ratios = "; ".join(f"{row['noise_model']} {number(row, 'median_abs_log_ratio')}" for row in in_metres)
-        said.append(f"- Over all strategies and steps, {KINDS[kind]}: ρ = {each}.")
-        said.append(f"- The median of |log(predicted/measured)|, {KINDS[kind]}: {ratios}.")
+        for row in of_all:
+            ratio = "no size" if row["noise_model"] in OF_THE_PAPER else number(row, "median_abs_log_ratio")
+            over_all.append([kind, row["noise_model"], number(row, "spearman"), ratio])
+        said += [f"*{kind}*: {KINDS[kind]}."]
         said += _beside_the_count(one_of(of_all, noise_model="calibrated"))
+    all_steps = markdown_table(["PSS", "R", "ρ over all strategies and steps", "median \\|log ratio\\|"], over_all)
     by_strategy = "By strategy, ρ over its steps with its interval, and the median |log ratio|:"
-    return "\n\n".join(["\n".join(said), by_strategy, "\n".join(lines)])
+    return "\n\n".join([" ".join(said), all_steps, by_strategy, "\n".join(lines)])
 
 
 def _beside_the_count(row: Row) -> list[str]:
@@ -95,7 +95,7 @@ def _beside_the_count(row: Row) -> list[str]:
         return []
     of_count, less = (number(row, name) for name in ("visible_share_spearman", "minus_visible_share"))
     words = (
-        f"- Beside it, the share of markers that calibrated expects to be seen ranks with ρ = {of_count}; calibrated "
+        f"Beside it, the share of markers that calibrated expects to be seen ranks with ρ = {of_count}; calibrated "
         f"PSS less that: {less}. Measured PSS and the share triangulated have ρ = "
         f"{_two(row['triangulated_share_spearman'])}."
     )
@@ -212,22 +212,23 @@ def _strategies(tables: Tables) -> str:
         for row in all_of(tables["ranking"], avatar="both", zoom_limit="none", noise_model="calibrated")
         if row["yardstick"] in SAID
     ]
-    said = [
-        f"- By {row['kind']} PSS (calibrated) against {row['yardstick']}: ρ = {number(row, 'spearman')} over "
-        f"{row['strategies']} strategies; it chooses {row['chosen']}, the best is {row['best']}"
-        + (f", and that loses {100 * float(row['regret']):.1f} %." if row["regret"] else ".")
-        + _choice_by_count(row)
+    choices = [
+        [
+            row["kind"],
+            row["yardstick"],
+            number(row, "spearman"),
+            row["chosen"],
+            row["best"],
+            percent(row["regret"]),
+            number(row, "visible_share_spearman"),
+            row.get("visible_share_chosen") or NOTHING,
+            percent(row.get("visible_share_regret", "")),
+        ]
         for row in ranking
     ]
-    return "\n".join(lines) + "\n\n" + "\n".join(said)
-
-
-def _choice_by_count(row: Row) -> str:
-    """What a choice by the share of markers that are expected to be seen would be."""
-    if not row.get("visible_share_chosen"):
-        return ""
-    lost = f", which loses {100 * float(row['visible_share_regret']):.1f} %" if row["visible_share_regret"] else ""
-    return f" By the count: ρ = {number(row, 'visible_share_spearman')}, {row['visible_share_chosen']}{lost}."
+    heads = ["calibrated PSS", "measured by", "ρ over the strategies", "chooses", "best", "loses"]
+    heads += ["ρ of the expected share of markers", "it chooses", "it loses"]
+    return "\n".join(lines) + "\n\n" + markdown_table(heads, choices)
 
 
 def _real_walk(consistency: Sequence[Row], misfit: Sequence[Row], frames: Sequence[Row]) -> str:
@@ -256,17 +257,17 @@ def _real_walk(consistency: Sequence[Row], misfit: Sequence[Row], frames: Sequen
     medians = {name: _median([row[f"{name}_median_m"] for row in of_both]) for name in ("measured", "predicted")}
     found, foreseen = (_millimetres(str(medians[name])) for name in ("measured", "predicted"))
     walked = (
-        "- The real walk, {} frames of {} trials, by a real filter over rendered motion: over all tracked cells NEES/3 "
+        "The real walk, {} frames of {} trials, by a real filter over rendered motion: over all tracked cells NEES/3 "
         "is {} after an update, against the covariance of the time-varying Riccati recursion. Before an update it asks "
         "whether the gait is as lively as the process assumes, and nothing of R or of the views."
     ).format(whole["frames"], whole["trials"], number(whole, "posterior_nees_per_dof"))
     erred = (
-        f"- In the median frame the median marker's error is {found}; the metric's own recursion, which knows no "
+        f"In the median frame the median marker's error is {found}; the metric's own recursion, which knows no "
         f"detection, says {foreseen}."
     )
     said = [walked, erred]
     table = "Of frames in which two views or more updated a marker, by avatar and part of the body:"
-    return "\n\n".join(["\n".join(said), table, "\n".join(lines)])
+    return "\n\n".join([*said, table, "\n".join(lines)])
 
 
 def _median(values: Sequence[str]) -> float:
