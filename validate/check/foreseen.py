@@ -43,9 +43,9 @@ Bools = NDArray[np.bool_]
 Row = dict[str, object]
 
 # Fitted by `run_sweep.py bank` on what was found and what was not (results/reference/bank/calibrated.toml): beyond
-# either limit 2 % of the markers are found, within both 96 %.
-SMALLEST_MODULE_PX = 2.3
-LARGEST_BLUR_MODULES = 1.15
+# either limit 8 % of the markers are found, within both 97 %.
+SMALLEST_MODULE_PX = 1.9
+LARGEST_BLUR_MODULES = 1.35
 # An observable point needs the rays of two cameras.
 ENOUGH = 2
 
