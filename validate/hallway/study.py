@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import Appearance, Evaluation, PTZCamera, evaluate_many
-from pss.covariances import mean_inverse_sigma
 from pss.noise import Calibration
 from render.view import random_stream, state_key
 from scenes import Scene
@@ -257,7 +256,7 @@ def _of_surrogates(
             for name, members in groups.items():
                 sigma = evaluation.sigma_m[members]
                 of_all[name][contender.name] = SurrogatePrediction(
-                    mean_inverse_sigma(sigma, evaluation.found[members]), pooled(sigma, members[members])
+                    float(np.nansum(evaluation.found[members] / sigma) / len(sigma)), pooled(sigma, members[members])
                 )
     return found
 
