@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from pss import RandomWalk, evaluate, noise_model
+from pss import Appearance, RandomWalk, evaluate, noise_model
+from pss.legibility import TARGET_VISIBILITY
 from tests.made_up_run import made_up_run
 from tests.test_sweep_run import SCENE, SWEEP
+from validate.assess import predict
 from validate.compare import correlation_rows
 from validate.scales import SCALES, scale_rows, scaled
 
@@ -87,3 +89,25 @@ def test_one_step_has_no_order(zooming):
     """No rows, and nothing to divide by."""
     alone = dataclasses.replace(zooming, configurations=zooming.configurations[:1], assessments=zooming.assessments[:1])
     assert scale_rows(alone) == []
+
+
+def test_whole_markers_are_looked_for_by_how_they_look(zooming):
+    """The appearance of each step's own prediction, which a scene with `metric.visibility = "target"` needs."""
+    markers = len(zooming.configurations[0].scene.state.points_m)
+    look = Appearance(np.full(markers, 0.035), np.full(markers, 0.02), np.full(markers, 0.001))
+    whole = [
+        dataclasses.replace(each, scene=dataclasses.replace(each.scene, visibility=TARGET_VISIBILITY))
+        for each in zooming.configurations
+    ]
+    assessed = [
+        dataclasses.replace(each, predicted=predict(step.scene, step.cameras, look))
+        for step, each in zip(whole, zooming.assessments, strict=True)
+    ]
+    result = dataclasses.replace(zooming, configurations=tuple(whole), assessments=tuple(assessed))
+    rows = [row for row in scale_rows(result) if row["times"] == 1]
+    expected = [
+        row["spearman"]
+        for row in correlation_rows(result)
+        if (row["level"], row["metric"], row["yardstick"]) == ("configuration", "pss", "measured_pss_filter")
+    ]
+    assert [row["spearman"] for row in rows] == pytest.approx(expected, abs=ROUNDING)

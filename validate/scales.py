@@ -46,9 +46,14 @@ def scale_rows(result: SweepResult) -> list[Row]:
         weights = result.replicates[model.name].point_weights
         for times in SCALES:
             at_scale = scaled(model, times, model.name)
+            # As the step itself was predicted: whole markers are looked for by how they look.
             evaluations = [
-                predict(dataclasses.replace(step.scene, noise_models=(at_scale,)), step.cameras)[model.name]
-                for step in result.configurations
+                predict(
+                    dataclasses.replace(step.scene, noise_models=(at_scale,)),
+                    step.cameras,
+                    assessment.predicted[model.name].task.appearance,
+                )[model.name]
+                for step, assessment in zip(result.configurations, result.assessments, strict=True)
             ]
             values = np.array([METRICS["pss"].score(evaluation) for evaluation in evaluations])
             terms = np.array([np.nan_to_num(1 / evaluation.sigma_m) for evaluation in evaluations])
