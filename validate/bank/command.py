@@ -100,7 +100,7 @@ def run(
     Args:
         scene: scene file (default: the room).
         second_scene: another room, in which the calibration is judged without refitting (default: the atrium; with
-            --calibration: none).
+            --calibration or --set: none).
         calibration: judge with this calibration as it is; no training views are rendered and nothing is fitted.
         out: folder for the results.
         store: folder of rendered views and measurements, shared by all runs, or an address (docs/store.md).
@@ -125,7 +125,9 @@ def run(
         chosen = backend.choose(variant)
         messages.console.print(str(chosen), markup=False)
         frozen = None if calibration is None else read_frozen(calibration)
-        if frozen is None and second_scene is None and (SWEEPS.parent / SECOND_SCENE).exists():
+        # Overrides are of the first scene alone: beside it in another light, the second as it is would say nothing.
+        judged_as_usual = frozen is None and not set
+        if judged_as_usual and second_scene is None and (SWEEPS.parent / SECOND_SCENE).exists():
             second_scene = SWEEPS.parent / SECOND_SCENE
         banks = _banks(scene, second_scene, set, allow_outside, design, chosen)
         if not dry_run:
