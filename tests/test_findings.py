@@ -271,6 +271,9 @@ def test_the_command_refuses_a_folder_that_is_not_there(tmp_path):
 def test_numbers_with_and_without_intervals():
     assert with_range("0.934", "-0.1", "0.98") == "0.93 [−0.10, 0.98]"
     assert with_range("0.934", "", "") == "0.93"
+    assert with_range("0.9964", "0.98", "0.9991") == "0.996 [0.980, 0.999]"
+    assert with_range("0.9964", "0.98", "1.02") == "1.00 [0.98, 1.02]"
+    assert with_range("1", "0.98", "1") == "1.00 [0.98, 1.00]"
     assert with_range("", "", "") == with_range("nan", "", "") == "–"
 
 

@@ -74,7 +74,7 @@ def calibration_error_sentences(rows: Sequence[Row]) -> str:
             f"{_rho(within, 'with_term')} with the term"
             + _in_weights(rows, largest, FROZEN)
             + f" The mean of what was measured under the other calibrations reaches {_rho(within, 'other_draws')}: "
-            "the rest is the draw, which no prediction knows and only another calibration removes."
+            "most of the rest is the draw, which only another calibration removes."
         )
         matching = _row(rows, largest, EACH_FRAME, OWN)
         if matching is not None:

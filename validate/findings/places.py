@@ -26,7 +26,7 @@ _BANKS = {
     "bank-third": ("third room", "the third room's seven"),
     "bank-dim": ("room at ¼ light", "the room's seven"),
     "bank-bright": ("room at 4 × light", "the room's seven"),
-    "bank-half-full-well": ("room at half full well", "the room's seven"),
+    "bank-half-full-well": ("room at 30 × light", "the room's seven"),
 }
 _OTHER_LIGHTS = ("bank-dim", "bank-bright", "bank-half-full-well")
 _SECOND = {"atrium": "the atrium's six"}

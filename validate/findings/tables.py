@@ -35,6 +35,8 @@ Tables = Mapping[str, Sequence[Row]]
 
 # What a table's cell shows where there is no number.
 NOTHING = "–"
+# What two decimals round up to 1.
+ALMOST_ONE = 0.995
 
 
 def read_tables(folder: Path) -> dict[str, list[dict[str, str]]]:
@@ -74,13 +76,19 @@ def number(row: Row | None, name: str) -> str:
 
 
 def with_range(value: str, low: str, high: str) -> str:
-    """0.93 [0.85, 0.98]; the number alone where it has no interval."""
-    if math.isnan(float(value or "nan")):
+    """0.93 [0.85, 0.98]; the number alone where it has no interval.
+
+    A correlation just below 1 has three decimals: two would call it 1.
+    """
+    numbers = [float(each or "nan") for each in (value, low, high)]
+    if math.isnan(numbers[0]):
         return NOTHING
-    said = f"{float(value):.2f}"
-    if not any(math.isnan(float(end or "nan")) for end in (low, high)):
-        said += f" [{float(low):.2f}, {float(high):.2f}]"
-    return said.replace("-", "−")
+    known = [number for number in numbers if not math.isnan(number)]
+    decimals = 3 if ALMOST_ONE <= numbers[0] < 1 and max(known) <= 1 else 2
+    text = f"{numbers[0]:.{decimals}f}"
+    if len(known) == len(numbers):
+        text += f" [{numbers[1]:.{decimals}f}, {numbers[2]:.{decimals}f}]"
+    return text.replace("-", "−")
 
 
 def percent(value: str) -> str:
