@@ -57,6 +57,8 @@ CLOSE_WEIGHT = 0.1
 SIMULATED = 0.06
 # What is left of the ratio (2b) / (2a) per marker at 1 mm a frame, where the filter's σ is hardly the frame's.
 NEARLY_A_COUNT = 0.03
+# ρ of the filter's PSS there with the share triangulated, whose 33 values have ties that PSS breaks.
+OF_A_COUNT = 0.97
 SHARED_COLUMNS = (  # noqa: SIM905
     "sweep configuration parameter value cameras noise_model points observable detected pss measured_pss_filter "
     "pss_single_frame measured_pss_single_frame measured_pss_ci_low measured_pss_ci_high sigma_inf_rms_m "
@@ -450,7 +452,7 @@ def test_at_the_schedules_process_pss_counts_and_at_the_headline_it_does_not(bot
     own, headline = (rows[held.levels[number].q_over_c, PHYSICAL_WHOLE] for number in (0, both.headline))
     assert own["schedules_own"] == "yes"
     assert headline["headline"] == "yes"
-    assert own["triangulated_share_spearman"] > 0.99
+    assert own["triangulated_share_spearman"] > OF_A_COUNT
     assert headline["triangulated_share_spearman"] < own["triangulated_share_spearman"]
     per_marker = [
         row["measured_closer_over_farther"] / row["measured_closer_over_farther_of_counts"] for row in (own, headline)
