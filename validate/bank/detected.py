@@ -16,7 +16,8 @@ from validate.acquire import Acquired
 from validate.bank.consistency import crossed_mean
 from validate.bank.design import ViewBank
 from validate.bank.measured import BankData
-from validate.bank.ranking import Resamples, with_interval
+from validate.bank.ranking import Resamples
+from validate.bank.shares import share_interval
 from validate.bank.study import appearance_of
 from validate.calibrate_detection import log_loss
 
@@ -97,9 +98,9 @@ def reliability_rows(
             "views": int(within.any(axis=1).sum()),
             "predicted": float(chance[within].mean()) if within.any() else float("nan"),
         }
-        found = with_interval("found", crossed_mean(np.where(within, rate, np.nan), resamples))
-        # An interval that is as long on either side may leave the range of a share.
-        rows.append(row | {name: float(np.clip(value, 0.0, 1.0)) for name, value in found.items()})
+        found = crossed_mean(np.where(within, rate, np.nan), resamples)
+        ends = share_interval(found.estimate, *found.interval, int(within.any(axis=1).sum()))
+        rows.append(row | {"found": found.estimate, "found_ci_low": ends[0], "found_ci_high": ends[1]})
     return rows
 
 

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from validate.drawing import plt
 from validate.findings.forest import FONT_PT, GRID, LINE_PT, SIGN_PT, WIDTH_IN, columns_for
 
-__all__ = ["Curve", "draw_curves", "legend_below", "panels_of"]
+__all__ = ["Curve", "draw_curves", "label_below", "legend_below", "panels_of"]
 
 
 @dataclass(frozen=True)
@@ -67,8 +67,7 @@ def panels_of(
         axes.set_axisbelow(True)
         for side in ("top", "right"):
             axes.spines[side].set_visible(False)
-        if number + columns >= len(titles):
-            axes.tick_params(axis="x", labelbottom=True)
+        axes.tick_params(axis="x", labelbottom=True)
         found.append((titles[number], axes))
     return figure, found
 
@@ -90,6 +89,12 @@ def draw_curves(axes: Axes, curves: Sequence[Curve], scale: float, shaded: Colle
             ls="-" if curve.filled else (0, (4, 1.5)),
             label=curve.name,
         )
+
+
+def label_below(panels: Sequence[tuple[str, Axes]], label: str) -> None:
+    """Name the x axis below the lowest panel of each column, which leaves room for a legend."""
+    for _, axes in panels[-columns_for(len(panels)) :]:
+        axes.set_xlabel(label)
 
 
 def legend_below(figure: Figure, panels: Sequence[tuple[str, Axes]], scale: float, columns: int = 4) -> None:

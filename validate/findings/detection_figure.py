@@ -7,10 +7,11 @@ from collections.abc import Sequence
 from matplotlib.figure import Figure
 
 from validate.findings.contenders import CONTENDERS
-from validate.findings.curves import Curve, draw_curves, panels_of
+from validate.findings.curves import Curve, draw_curves, label_below, panels_of
 from validate.findings.forest import FONT_PT, style
 from validate.findings.places import Place
-from validate.findings.tables import bounds, value_of
+from validate.findings.size_tables import share_found
+from validate.findings.tables import value_of
 
 __all__ = ["detection_curves", "detection_figure"]
 
@@ -26,7 +27,7 @@ def detection_curves(places: Sequence[Place]) -> list[Curve]:
     for place in places:
         rows = [row for row in place.rows("reliability") if row.get("predicted") and row.get("found")]
         columns = [tuple(value_of(row, "predicted") for row in rows)]
-        columns += [tuple(bounds(row, "found")[end] for row in rows) for end in range(3)]
+        columns += [tuple(share_found(row)[end] for row in rows) for end in range(3)]
         found.append(Curve(place.title, NAME, look.colour, look.sign, look.filled, *columns))
     return [curve for curve in found if curve.x]
 
@@ -44,7 +45,6 @@ def detection_figure(curves: Sequence[Curve], scale: float) -> Figure:
             axes.set_yticks(TICKS)
             axes.xaxis.set_major_formatter("{x:g}")
             axes.yaxis.set_major_formatter("{x:g}")
-            if axes.xaxis.get_tick_params()["labelbottom"]:
-                axes.set_xlabel("predicted probability")
+        label_below(panels, "predicted probability")
         figure.supylabel("share found (dashed: as predicted)", fontsize=FONT_PT * scale)
     return figure

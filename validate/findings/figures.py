@@ -6,6 +6,7 @@ import hashlib
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -13,10 +14,10 @@ from matplotlib.figure import Figure
 from validate.drawing import plt
 from validate.findings.contenders import Contender, contenders_in
 from validate.findings.detection_figure import detection_curves, detection_figure
-from validate.findings.forest import Axis, Mark, Panel, forest, style
+from validate.findings.forest import Axis, Mark, Panel, forest, mark_of, style
 from validate.findings.places import COUNT, HEADLINE, SINGLE_FRAME, Place
-from validate.findings.process import at_headline
-from validate.findings.process_figure import process_curves, process_figure
+from validate.findings.process_figure import COUNTED_BY, SHARE, headline_levels, process_curves, process_figure
+from validate.findings.sigma_figure import SIGMA_AXIS, sigma_rows
 from validate.findings.size_figure import size_curves, size_figure
 from validate.findings.tables import Row, all_of, bounds, first_of
 from validate.store import atomic_path
@@ -25,13 +26,16 @@ __all__ = ["Drawing", "digest_in", "drawings_of", "write_pdf", "write_svg"]
 
 # Of the page's width, for print: 7 inches, with words of 7 pt.
 PRINT_SCALE = 7.0 / 11.0
-MOTION = "random-walk"
-COUNT_ROW, CEILING_ROW = "counting visible points", "ceiling"
+COUNT_ROW, SHARE_ROW, CEILING_ROW = "count of visible points", "share that two see", "ceiling"
 CEILINGS = ("ceiling, configurations", "split halves, configurations")
 DIGEST = "made from "
 PERCENT = 100.0
 # NEES over its degrees of freedom that is called right, and the range of the axis.
-RIGHT, NEES_RANGE = (0.9, 1.1), (0.5, 8.0)
+RIGHT, NEES_RANGE = (0.9, 1.1), (0.4, 8.0)
+# In percent; an interval that ends beyond it has an arrow.
+REGRET_RANGE = (0.0, 30.0)
+RHO_TICKS = (-0.5, 0.0, 0.5, 0.8, 0.95, 0.99, 0.998)
+HIGHEST_RHO = 0.999
 
 
 @dataclass(frozen=True)
@@ -95,27 +99,30 @@ def _write(drawing: Drawing, path: Path, scale: float, metadata: dict[str, str |
 
 def _ranking(places: Sequence[Place]) -> Drawing | None:
     def marks(place: Place, model: Contender) -> Mark | None:
-        return _mark(place.ranked(model.name), "spearman", model)
+        return mark_of(place.ranked(model.name), "spearman", model)
 
-    extra = {
-        COUNT_ROW: lambda place: place.ranked("physical", COUNT),
-        CEILING_ROW: _ceiling,
-    }
-    lows = [value for place in places for model in place.models for value in bounds(place.ranked(model), "spearman")]
-    lows += [value for place in places for value in bounds(place.ranked("physical", COUNT), "spearman")]
-    known = [value for value in lows if not math.isnan(value)]
-    tenths = math.floor(10 * min(known, default=0.0))
-    ticks = tuple(tenth / 10 for tenth in range(tenths, 11) if tenth % 2 == 0)
-    axis = Axis("Spearman's ρ with measured PSS", tenths / 10, 1.0, ticks)
+    extra = {COUNT_ROW: partial(_counted, metric=COUNT), SHARE_ROW: partial(_counted, metric=SHARE)}
+    extra |= {CEILING_ROW: _ceiling}
+    found = [place.ranked(model) for place in places for model in place.models]
+    found += [_counted(place, metric) for place in places for metric in (COUNT, SHARE)]
+    known = [value for row in found for value in bounds(row, "spearman") if not math.isnan(value)]
+    low = math.floor(10 * min(known, default=0.0)) / 10
+    label = "Spearman's ρ with measured PSS (axis of Fisher's z, which opens up what is near 1)"
+    axis = Axis(label, max(low, RHO_TICKS[0]), HIGHEST_RHO, tuple(tick for tick in RHO_TICKS if tick >= low), "fisher")
     return _forest(
         "findings-ranking",
         "Does it rank? Single-frame PSS against measured PSS, four cameras",
         "Forest plot: rank correlation of each R with measured single-frame PSS, in each room and light.",
         "**Ranking.** ρ of single-frame PSS with measured PSS within four cameras, with 95 % intervals. The ceiling is "
         "what a perfect prediction reaches, or, in tables without it, one half of the trials by the other. A scalar "
-        "times R changes nothing here.",
+        "times R changes nothing here. The axis is one of Fisher's z.",
         places, marks, extra, axis,
     )  # fmt: skip
+
+
+def _counted(place: Place, metric: str) -> Row | None:
+    """The row of a count, by what the best contender that has one takes as visible."""
+    return next(filter(None, (place.ranked(model, metric) for model in COUNTED_BY)), None)
 
 
 def _ceiling(place: Place) -> Row | None:
@@ -124,52 +131,47 @@ def _ceiling(place: Place) -> Row | None:
 
 
 def _sigma(places: Sequence[Place]) -> Drawing | None:
-    def marks(place: Place, model: Contender) -> Mark | None:
-        return _mark(at_headline(place, model.name, MOTION), "minus_visibility_count", model)
-
-    ticks = (-0.6, -0.4, -0.2, 0.0, 0.2, 0.4, 0.6)
-    axis = Axis("ρ of σ∞ less ρ of the count of visible points, paired", -0.6, 0.6, ticks, line=0.0)
-    return _forest(
+    labels, groups, panels = sigma_rows(places)
+    if not panels:
+        return None
+    title = "Is σ∞ more than a count? Where process and measurement noise weigh alike (q ≈ c)"
+    return Drawing(
         "findings-sigma",
-        "Is σ∞ more than a count? Where process and measurement weigh alike (q ≈ c)",
-        "Forest plot: rank correlation of σ∞ less that of the count of visible points, by R and place.",
-        "**σ∞ less counting.** A random walk at q ≈ c. Right of the line σ∞ ranks better than the count "
-        "of what the same contender takes as visible.",
-        places, marks, {}, axis,
-    )  # fmt: skip
+        "Forest plot: rank correlation of σ∞ less that of two counts of points, by motion, R and place.",
+        "**σ∞ less counting.** At the judged level of each motion. Right of the line σ∞ ranks better than the count of "
+        "visible points (filled), than the share that two cameras see (hollow); it is more than a count where both "
+        "intervals lie there.",
+        _numbers(labels, panels),
+        lambda scale: forest(title, labels, groups, panels, SIGMA_AXIS, scale),
+    )
 
 
 def _regret(places: Sequence[Place]) -> Drawing | None:
     def marks(place: Place, model: Contender) -> Mark | None:
-        return _mark(place.ranked(model.name), "regret_of_20_mean", model, PERCENT)
+        return mark_of(place.ranked(model.name), "regret_of_20_mean", model, PERCENT)
 
     def oracle(place: Place) -> Row | None:
         rows = all_of(place.rows("leaderboard"), cameras=HEADLINE, yardstick=SINGLE_FRAME, metric="pss-single-frame")
         return rows[0] if rows else None
 
-    top = max((value for p in places for m in p.models for value in bounds(p.ranked(m), "regret_of_20_mean")
-               if not math.isnan(value)), default=0.0)  # fmt: skip
-    step = 5.0 if PERCENT * top <= 25 else 10.0
-    high = step * math.ceil(max(PERCENT * top, 1.0) / step)
-    ticks = tuple(step * number for number in range(int(high / step) + 1))
     extra = {"oracle": oracle}
     return _forest(
         "findings-regret",
         "What does choosing by it cost? The best of 20 by single-frame PSS",
         "Forest plot: mean regret of choosing the best of 20 configurations by each R, in each room and light.",
         "**Regret.** What the chosen one of 20 loses of the best measured PSS, in the mean, beside the oracle, who "
-        "chooses by the other half of the trials.",
-        places, marks, extra, Axis("mean regret, % of the best measured PSS", 0.0, high, ticks),
+        "chooses by the other half of the trials. An arrow is an interval that goes on.",
+        places, marks, extra, Axis("mean regret, % of the best measured PSS", *REGRET_RANGE, (0, 10, 20, 30)),
         extra_column="oracle_regret_of_20_mean", factor=PERCENT,
     )  # fmt: skip
 
 
 def _nees(places: Sequence[Place]) -> Drawing | None:
     def marks(place: Place, model: Contender) -> Mark | None:
-        return _mark(place.sized(model.name), "nees_per_dof", model)
+        return mark_of(place.sized(model.name), "nees_per_dof", model)
 
     axis = Axis("NEES/3 of single-frame errors (1 is right; above it errors are larger than predicted)", *NEES_RANGE,
-                (0.5, 0.7, 1, 1.5, 2, 3, 5, 8), log=True, band=RIGHT, line=1.0)  # fmt: skip
+                (0.5, 1, 2, 4, 8), "log", band=RIGHT, line=1.0)  # fmt: skip
     return _forest(
         "findings-nees",
         "Is the error as large as predicted?",
@@ -199,7 +201,7 @@ def _forest(
         if not any(of_place):
             continue
         for find in extra.values():
-            of_place.append(_mark(find(place), extra_column, _BESIDE, factor))
+            of_place.append(mark_of(find(place), extra_column, _BESIDE, factor))
         panels.append(Panel(place.title, tuple(of_place)))
     rows = [model.name for model in models] + list(extra)
     groups = [model.colour for model in models] + ["beside"] * len(extra)
@@ -208,35 +210,35 @@ def _forest(
         return None
     labels, groups = [rows[place] for place in kept], [groups[place] for place in kept]
     panels = [Panel(panel.title, tuple(panel.marks[place] for place in kept)) for panel in panels]
-    data = "\n".join([", ".join(labels), *(_data(panel) for panel in panels)])
-    return Drawing(name, alt, caption, data, lambda scale: forest(title, labels, groups, panels, axis, scale))
+    numbers = _numbers(labels, panels)
+    return Drawing(name, alt, caption, numbers, lambda scale: forest(title, labels, groups, panels, axis, scale))
 
 
-def _data(panel: Panel) -> str:
-    return panel.title + ": " + "; ".join(mark.text if mark else "" for mark in panel.marks)
+def _numbers(labels: Sequence[str], panels: Sequence[Panel]) -> str:
+    lines = (
+        panel.title + ": " + "; ".join(mark.text if mark else "" for mark in panel.marks + panel.second)
+        for panel in panels
+    )
+    return "\n".join([", ".join(labels), *lines])
 
 
 _BESIDE = Contender("beside", "#222222", "X", True)
 
 
-def _mark(row: Row | None, column: str, model: Contender, factor: float = 1.0) -> Mark | None:
-    value, low, high = (factor * number for number in bounds(row, column))
-    return None if math.isnan(value) else Mark(value, low, high, model.colour, model.sign, model.filled)
-
-
 def _process(places: Sequence[Place]) -> Drawing | None:
-    curves = process_curves(places)
+    curves, judged = process_curves(places), headline_levels(places)
     if not curves:
         return None
     return Drawing(
         "findings-process",
-        "Curves: rank correlation of PSS by σ∞ and of the count of visible points over the ratio of process noise to "
+        "Curves: rank correlation of PSS by σ∞ and of two counts of points over the ratio of process noise to "
         "measurement noise.",
         "**Process noise.** ρ of σ∞ with the filter's measured PSS over q/c, the variance of the process over that of "
-        "the measurement, a frame, for the rooms in "
-        "their own light. Shaded: 95 % intervals of the calibrated and of the count. Far right σ∞ is a count.",
-        "\n".join(map(str, curves)),
-        lambda scale: process_figure(curves, scale),
+        "the measurement, a frame, for the rooms in their own light, beside the count of visible points and the share "
+        "that two cameras are expected to find. Shaded: 95 % intervals of the calibrated and of that share, which are "
+        "one curve on the far right. The axis of ρ is one of Fisher's z.",
+        "\n".join([*map(str, curves), *(f"{panel}: {level:.4g}" for panel, level in judged.items())]),
+        lambda scale: process_figure(curves, judged, scale),
     )
 
 
@@ -246,10 +248,10 @@ def _size(places: Sequence[Place]) -> Drawing | None:
         return None
     return Drawing(
         "findings-size",
-        "Measured against predicted error of points on logarithmic axes, a panel for each room and light; on the "
-        "diagonal they agree.",
-        "**Predicted and measured error.** Medians of the measured RMS of points in bins of the predicted, with "
-        "their quartiles where it is calibrated. What lies off the axes is named.",
+        "Measured over predicted error of points by the predicted one, a panel for each room and light; at 1 they "
+        "agree.",
+        "**Predicted and measured error.** Medians of the measured RMS of points over the predicted, in bins of the "
+        "predicted; quartiles are shaded where it is calibrated. What lies off the axes is named, with its median.",
         "\n".join(map(str, curves)),
         lambda scale: size_figure(curves, scale),
     )

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
 
 import matplotlib
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullFormatter, NullLocator
+from numpy.typing import ArrayLike, NDArray
 
 from validate.drawing import plt
+from validate.findings.contenders import Contender
+from validate.findings.tables import Row, bounds
 
-__all__ = ["Axis", "Mark", "Panel", "columns_for", "forest", "style"]
+__all__ = ["INDENT", "Axis", "Mark", "Panel", "columns_for", "forest", "mark_of", "power_of_ten", "scale_axis", "style"]
 
 WIDTH_IN = 11.0
 ROW_IN, PANEL_IN, FIGURE_IN = 0.27, 0.75, 0.75
@@ -23,6 +27,11 @@ ROW_IN, PANEL_IN, FIGURE_IN = 0.27, 0.75, 0.75
 SIGN_PT, LINE_PT = 7.0, 1.8
 BAND, GRID, INK = "#F3F3F3", "#DDDDDD", "#222222"
 FONT_PT = 11.0
+# Where labels begin with it, those without are headings.
+INDENT = "  "
+# Half the distance of two marks in a row, in rows.
+APART = 0.2
+ALMOST_ONE = 1 - 1e-9
 
 
 @dataclass(frozen=True)
@@ -44,10 +53,15 @@ class Mark:
 
 @dataclass(frozen=True)
 class Panel:
-    """A place: its title, and a mark or None for each row."""
+    """A place: its title, and a mark or None for each row.
+
+    Attributes:
+        second: marks below those, in the same rows; none for a row of one mark.
+    """
 
     title: str
     marks: tuple[Mark | None, ...]
+    second: tuple[Mark | None, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -58,7 +72,7 @@ class Axis:
         label: with the unit.
         low, high: marks beyond them become an arrow at the edge with their number.
         ticks: with what is written at them.
-        log: whether it is logarithmic.
+        scale: "linear", "log" or "fisher" (the inverse hyperbolic tangent, which opens up correlations near 1).
         band: from, to: a range that is right, shaded.
         line: a value with a line through all rows.
     """
@@ -67,9 +81,15 @@ class Axis:
     low: float
     high: float
     ticks: tuple[float, ...]
-    log: bool = False
+    scale: str = "linear"
     band: tuple[float, float] | None = None
     line: float | None = None
+
+
+def mark_of(row: Row | None, column: str, look: Contender, factor: float = 1.0) -> Mark | None:
+    """A row's number in a column, times a factor, with its interval; None if it has none."""
+    value, low, high = (factor * number for number in bounds(row, column))
+    return None if math.isnan(value) else Mark(value, low, high, look.colour, look.sign, look.filled)
 
 
 @contextmanager
@@ -140,18 +160,15 @@ def forest(
             _panel(axes, panel, labels, groups, axis, scale)
         for axes in places[len(panels) :]:
             axes.set_visible(False)
-        for number, axes in enumerate(places[: len(panels)]):
-            # The lowest of its column has the numbers, as the panel below it may be missing.
-            if number + columns >= len(panels):
-                axes.tick_params(axis="x", labelbottom=True)
+        for axes in places[: len(panels)]:
+            axes.tick_params(axis="x", labelbottom=True)
         figure.supxlabel(axis.label, fontsize=FONT_PT * scale)
     return figure
 
 
 def _panel(axes: Axes, panel: Panel, labels: Sequence[str], groups: Sequence[str], axis: Axis, scale: float) -> None:
     axes.set_title(panel.title, loc="left", weight="bold")
-    if axis.log:
-        axes.set_xscale("log")
+    scale_axis(axes.set_xscale, axis.scale)
     axes.set_xlim(axis.low, axis.high)
     axes.xaxis.set_major_locator(FixedLocator(list(axis.ticks)))
     axes.xaxis.set_major_formatter("{x:g}")
@@ -159,6 +176,9 @@ def _panel(axes: Axes, panel: Panel, labels: Sequence[str], groups: Sequence[str
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_ylim(len(labels) - 0.4, -0.6)
     axes.set_yticks(range(len(labels)), labels)
+    for row, text in enumerate(axes.get_yticklabels()):
+        if not labels[row].startswith(INDENT) and any(label.startswith(INDENT) for label in labels):
+            text.set_weight("bold")
     _shade(axes, groups)
     axes.grid(axis="x", color=GRID, lw=0.8 * scale, zorder=0)
     axes.set_axisbelow(True)
@@ -168,9 +188,24 @@ def _panel(axes: Axes, panel: Panel, labels: Sequence[str], groups: Sequence[str
         axes.axvspan(*axis.band, color="#BFE3D0", alpha=0.7, lw=0, zorder=1)
     if axis.line is not None:
         axes.axvline(axis.line, color="#555555", lw=1.2 * scale, ls=(0, (4, 2)), zorder=1)
-    for row, mark in enumerate(panel.marks):
-        if mark is not None and not math.isnan(mark.value):
-            _mark(axes, row, mark, axis, scale)
+    apart = APART if panel.second else 0.0
+    for marks, offset in ((panel.marks, -apart), (panel.second, apart)):
+        for row, mark in enumerate(marks):
+            if mark is not None and not math.isnan(mark.value):
+                _mark(axes, row + offset, mark, axis, scale)
+
+
+def scale_axis(set_scale: Callable[..., None], kind: str) -> None:
+    """Set "linear", "log" or "fisher" by an axis's `set_xscale` or `set_yscale`."""
+    if kind == "fisher":
+        set_scale("function", functions=(_fisher, np.tanh))
+    else:
+        set_scale(kind)
+
+
+def _fisher(rho: ArrayLike) -> NDArray[np.float64]:
+    """Fisher's z, finite at -1 and 1, where Matplotlib tries it."""
+    return np.arctanh(np.clip(np.asarray(rho, dtype=float), -ALMOST_ONE, ALMOST_ONE))
 
 
 def _shade(axes: Axes, groups: Sequence[str]) -> None:
@@ -180,13 +215,17 @@ def _shade(axes: Axes, groups: Sequence[str]) -> None:
             axes.axhspan(first - 0.5, last - 0.5, color=BAND, lw=0, zorder=0)
 
 
-def _mark(axes: Axes, row: int, mark: Mark, axis: Axis, scale: float) -> None:
+def _mark(axes: Axes, row: float, mark: Mark, axis: Axis, scale: float) -> None:
     face = mark.colour if mark.filled else "white"
     sizes = {"ms": SIGN_PT * scale, "mew": 1.5 * scale, "color": mark.colour, "mfc": face, "clip_on": False}
     if axis.low <= mark.value <= axis.high:
         if not (math.isnan(mark.low) or math.isnan(mark.high)):
             ends = (max(mark.low, axis.low), min(mark.high, axis.high))
             axes.plot(ends, (row, row), color=mark.colour, lw=LINE_PT * scale, solid_capstyle="round", zorder=3)
+            for beyond, end, sign in ((mark.low < axis.low, axis.low, "<"), (mark.high > axis.high, axis.high, ">")):
+                if beyond:
+                    axes.plot([end], [row], sign, zorder=3, **(sizes | {"ms": 0.6 * SIGN_PT * scale, "mew": 0.0,
+                                                                        "mfc": mark.colour}))  # fmt: skip
         axes.plot([mark.value], [row], mark.sign, zorder=4, **sizes)
         return
     # Beyond the axis: an arrow at its edge, with the number.
@@ -206,4 +245,13 @@ def _mark(axes: Axes, row: int, mark: Mark, axis: Axis, scale: float) -> None:
 
 
 def _few(value: float) -> str:
-    return f"{value:.0e}".replace("-0", "-").replace("-", "−") if abs(value) < 1e-3 else f"{value:.1g}"
+    """One digit: 0.2, or 3·10⁻⁵ of what is smaller than a thousandth."""
+    if value == 0 or abs(value) >= 1e-3:
+        return f"{value:.1g}"
+    digit, power = f"{value:.0e}".split("e")
+    return f"{digit}·{power_of_ten(int(power))}"
+
+
+def power_of_ten(power: int) -> str:
+    """10⁻⁵ without markup."""
+    return "10" + str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from pss.errors import RangeError
 from validate.findings.blocks_of_banks import BANK_BLOCKS
+from validate.findings.blocks_of_docs import DOCS_BLOCKS
 from validate.findings.blocks_of_hallway import HALLWAY_BLOCKS
 from validate.findings.blocks_of_sweeps import SWEEP_BLOCKS
 from validate.store import write_text
@@ -20,7 +21,7 @@ __all__ = ["BLOCKS", "numbered_pages", "readme_text", "write_pages"]
 
 ROOT = Path(__file__).resolve().parents[2]
 
-BLOCKS: dict[str, Callable[[Path], str]] = {**BANK_BLOCKS, **SWEEP_BLOCKS, **HALLWAY_BLOCKS}
+BLOCKS: dict[str, Callable[[Path], str]] = {**BANK_BLOCKS, **SWEEP_BLOCKS, **HALLWAY_BLOCKS, **DOCS_BLOCKS}
 _NUMBERS = re.compile(r"<!-- numbers: (?P<name>[^>]*?) -->(?P<old>.*?)<!-- end -->", re.DOTALL)
 
 

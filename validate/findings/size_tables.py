@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from validate.bank.shares import share_interval
 from validate.findings.contenders import contenders_in
 from validate.findings.places import HEADLINE, Place
 from validate.findings.tables import (
     NOTHING,
     Row,
     all_of,
+    bounds,
     first_of,
     markdown_table,
     number,
@@ -27,6 +29,7 @@ __all__ = [
     "reliability_table",
     "scale_table",
     "sensitivity_table",
+    "share_found",
 ]
 
 LEVELS = ("pixel", "single frame", "filter, prior", "filter, posterior")
@@ -152,13 +155,27 @@ def detection_table(places: Sequence[Place]) -> str:
 
 
 def reliability_table(places: Sequence[Place]) -> str:
-    """What reliability.csv has, as it is: predicted probability of detection beside the share found."""
+    """What reliability.csv has: predicted probability of detection beside the share found."""
     heads = list(dict.fromkeys(key for place in places for row in place.rows("reliability") for key in row))
     shown = [head for head in heads if not head.endswith(("_ci_low", "_ci_high"))]
     rows = [
-        [place.title, *(_cell(row, head) for head in shown)] for place in places for row in place.rows("reliability")
+        [place.title, *(_cell(row, head) for head in shown)]
+        for place in places
+        for row in map(_within_a_share, place.rows("reliability"))
     ]
     return markdown_table(["where", *(head.replace("_", " ") for head in shown)], rows)
+
+
+def share_found(row: Row) -> tuple[float, float, float]:
+    """The share found of a row of reliability.csv and the ends of its interval, which are shares too."""
+    share, low, high = bounds(row, "found")
+    views = value_of(row, "views")
+    return share, *share_interval(share, low, high, 0 if math.isnan(views) else int(views))
+
+
+def _within_a_share(row: Row) -> Row:
+    ends = zip(("found", "found_ci_low", "found_ci_high"), share_found(row), strict=True)
+    return {**row} | {name: f"{value:.7g}" for name, value in ends if row.get(name)}
 
 
 def _cell(row: Row, column: str) -> str:
