@@ -7,39 +7,42 @@ from pathlib import Path
 
 from validate.findings.calibration_error import calibration_error_sentences
 from validate.findings.contenders import contenders_in
-from validate.findings.places import COUNT, FILTER, HEADLINE, SINGLE_FRAME, Place, places_of_reference
-from validate.findings.sentences import five_sentences, written
+from validate.findings.places import COUNT, FILTER, HEADLINE, SHARE, SINGLE_FRAME, Place, places_of_reference
+from validate.findings.sentences import with_population
 from validate.findings.tables import NOTHING, Row, all_of, markdown_table, number, percent, read_tables
 
 __all__ = ["BANK_BLOCKS"]
 
-COUNTED = "(count of visible points)"
+# Counts as the smooth probability of detection expects them.
+CALIBRATED = "calibrated"
+COUNTED = {COUNT: "(expected count of cameras, at most three)", SHARE: "(expected share that two cameras see)"}
 
 
 def _sentences(reference: Path) -> str:
     """The five sentences that open the findings."""
     errors = read_tables(reference).get("calibration_error", [])
-    return written(five_sentences(places_of_reference(reference), errors))
+    return with_population(places_of_reference(reference), errors)
 
 
 def _ranks(reference: Path) -> str:
-    """ρ of single-frame PSS for every contender in every place, and of the count of visible points."""
+    """ρ of single-frame PSS for every contender in every place, and of the expected counts."""
     places = places_of_reference(reference)
     rows = [[name, *(number(place.ranked(name), "spearman") for place in places)] for name in _models(places)]
-    rows.append([COUNTED, *(number(place.ranked("physical", COUNT), "spearman") for place in places)])
+    for metric, words in COUNTED.items():
+        rows.append([words, *(number(place.ranked(CALIBRATED, metric), "spearman") for place in places)])
     return markdown_table(["R", *(place.title for place in places)], rows)
 
 
 def _neutral(reference: Path) -> str:
-    """ρ of every contender, and of the count, by every yardstick in the first place."""
-    room = places_of_reference(reference)[0]
-    names = dict.fromkeys(row["yardstick"] for row in _of_four(room))
-    yardsticks = sorted((name for name in names if name != FILTER), key=_order)
+    """ρ of calibrated single-frame PSS by every measure in every place, and less that of its count."""
+    places = places_of_reference(reference)
+    names = dict.fromkeys(row["yardstick"] for place in places for row in _of_four(place))
     rows = []
-    for model, metric in [*((model, "") for model in _models([room])), ("physical", COUNT)]:
-        found = (room.ranked(model, metric or "pss-single-frame", name) for name in yardsticks)
-        rows.append([COUNTED if metric else model, *(number(row, "spearman") for row in found)])
-    return markdown_table(["R", *map(_words, yardsticks)], rows)
+    for name in sorted((name for name in names if name != FILTER), key=_order):
+        found = [place.ranked(CALIBRATED, "pss-single-frame", name) for place in places]
+        rows.append([_words(name), "ρ", *(number(row, "spearman") for row in found)])
+        rows.append([_words(name), "less its count's", *(number(row, "minus_visibility_count") for row in found)])
+    return markdown_table(["measure", "", *(place.title for place in places)], rows)
 
 
 def _of_four(place: Place, **wanted: str) -> list[Row]:
@@ -72,20 +75,26 @@ def _under(reference: Path) -> str:
     row = room.ranked("calibrated", "pss-single-frame", "share_under_5mm")
     if row is None:
         return f"ρ = {NOTHING}"
-    others = sum(bool(other["spearman"]) for other in _of_four(room, yardstick="share_under_5mm"))
+    orders = [each for each in _of_four(room, yardstick="share_under_5mm") if each["spearman"] and not _is_twin(each)]
     rank = f"{row['rank']} [{row['rank_ci_low']}, {row['rank_ci_high']}]"
-    return f"ρ = {number(row, 'spearman')} and the rank {rank} of {others}"
+    return f"ρ = {number(row, 'spearman')} and the rank {rank} of {len(orders)}"
 
 
 def _tied(reference: Path) -> str:
-    """How many pairs of metric and noise model reach into the rank of calibrated PSS."""
+    """How many other orders, of pairs of metric and noise model, reach into the rank of calibrated PSS."""
     room = places_of_reference(reference)[0]
     own = room.ranked("calibrated")
     if own is None:
         return NOTHING
     low, high = float(own["rank_ci_low"]), float(own["rank_ci_high"])
-    rows = [row for row in _of_four(room, yardstick=SINGLE_FRAME) if row is not own and row["rank_ci_low"]]
+    board = _of_four(room, yardstick=SINGLE_FRAME)
+    rows = [row for row in board if row is not own and row["rank_ci_low"] and row["spearman"] and not _is_twin(row)]
     return str(sum(float(row["rank_ci_low"]) <= high and low <= float(row["rank_ci_high"]) for row in rows))
+
+
+def _is_twin(row: Row) -> bool:
+    """Whether another pair orders the configurations the same way."""
+    return bool(row.get("twin_of"))
 
 
 def _missed(reference: Path) -> str:

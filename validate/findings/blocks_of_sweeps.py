@@ -68,11 +68,11 @@ def _ranks(reference: Path) -> str:
 
 def _found(reference: Path) -> str:
     """How many of the markers that are predicted visible are found."""
-    said = []
+    parts = []
     for row in read_tables(reference)["detection"]:
         found, missed = int(row["visible_detected"]), int(row["visible_missed"])
-        said.append(f"{row['sweep']} {found:,} of {found + missed:,}")
-    return f"Found of the markers whose centre is predicted visible: {', '.join(said)}."
+        parts.append(f"{row['sweep']} {found:,} of {found + missed:,}")
+    return f"Found of the markers whose centre is predicted visible: {', '.join(parts)}."
 
 
 def _claims(reference: Path) -> str:

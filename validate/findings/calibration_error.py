@@ -51,7 +51,7 @@ def calibration_error_sentences(rows: Sequence[Row]) -> str:
     none = _row(rows, (0.0, 0.0, 0.0), EACH_FRAME, OWN)
     assert none is not None
     largest = max((size for size in map(_size, rows) if all(size)), key=sum)
-    said = [
+    parts = [
         (
             f"Without errors, {none['n']} configurations of four cameras in the room are ranked with ρ = "
             f"{_rho(none, 'plain')} (calibrated R, limits of detection, single frame)."
@@ -62,13 +62,13 @@ def calibration_error_sentences(rows: Sequence[Row]) -> str:
         ),
     ]
     if over := _row(rows, largest, EACH_FRAME, OWN):
-        said.append(
+        parts.append(
             f"With all three of {_words(largest)}, ρ over calibrations is {_rho(over, 'plain')}; a term for the errors "
             f"in the predicted R changes it by {_rho(over, 'gain')} to {_rho(over, 'with_term')}"
             + _in_weights(rows, largest, EACH_FRAME)
         )
     if within := _row(rows, largest, FROZEN, OWN):
-        said.append(
+        parts.append(
             f"Within one frozen calibration, which is what a user has after a move to presets, it is "
             f"{_rho(within, 'plain')} on average ({_extremes(within, 'plain')} among {within['draws']} draws), and "
             f"{_rho(within, 'with_term')} with the term"
@@ -78,12 +78,12 @@ def calibration_error_sentences(rows: Sequence[Row]) -> str:
         )
         matching = _row(rows, largest, EACH_FRAME, OWN)
         if matching is not None:
-            said.append(
+            parts.append(
                 f"C + GΣGᵀ has the right size over calibrations: measured over predicted RMS is "
                 f"{float(matching['rms_over_matching']):.2f} in the median, within one calibration "
                 f"{float(within['rms_over_matching']):.2f}; without the term {float(matching['rms_over_plain']):.0f}."
             )
-    return " ".join(said)
+    return " ".join(parts)
 
 
 def _within(rows: Sequence[Row]) -> str:

@@ -11,7 +11,7 @@ from validate.findings.factors import factor_findings
 from validate.findings.figures import drawings_of
 from validate.findings.hallway import hallway_findings
 from validate.findings.places import Place, places_of_reference
-from validate.findings.sentences import five_sentences, written
+from validate.findings.sentences import with_population
 from validate.findings.summary import summary_table
 from validate.findings.tables import folded, read_tables
 
@@ -21,18 +21,19 @@ HEAD = """# Findings
 
 Does the PSS metric predict measured 3D error? Five sentences, then [figures](#figures), then [tables](#tables). ρ is
 Spearman's rank correlation between configurations of four cameras, predicted against measured; brackets hold 95 %
-intervals.
+intervals. A case is a room in a light.
 """
 SUMMARY = """The same in each room and light (four cameras; σ∞ with a random walk; regret in the mean of choices of 20):
 """
 WORDS = """**What the words mean.** *Registered markers*: printed square markers, found by one detector and localised by
-registration of their ideal image. *Dim light*: white is 100 to 121 electrons, 1 % of full well. *Perfect calibration*:
-cameras are where the prediction puts them. *A closed world*: predictor, estimator and renderer share print, light,
-sensor and lens. `as-printed` and `corrected` are the paper's Eqs. 11–15 with our constants, `identity` is R = I,
-"scaled" is one scalar times it, fitted on training views; `physical` is the marker's Cramér–Rao bound from sensor and
-lens. All of these take a marker as visible if its centre is, as the paper does; "whole markers" asks for all of it.
-`calibrated R` has its R fitted on other views, `calibrated, limits` hard limits of detection too, and `calibrated` a
-smooth probability of detection in place of the limits. [What it is not](limits.md) is a page of its own.
+registration of their ideal image. *Dim light*: white has 100 to 130 electrons on the room's board, 1 % of full well, up
+to 300 on its ball, 80 to 430 in the atrium and 40 to 520 in the studio; at ¼ light 25 to 30 on the board. *Perfect
+calibration*: cameras are where the prediction puts them. *A closed world*: predictor, estimator and renderer share
+print, light, sensor and lens. `as-printed` and `corrected` are the paper's Eqs. 11–15 with our constants, `identity` is
+R = I, "scaled" is one scalar times it, fitted on training views; `physical` is the marker's Cramér–Rao bound from
+sensor and lens. All of these take a marker as visible if its centre is, as the paper does; "whole markers" asks for all
+of it. `calibrated R` has its R fitted on other views, `calibrated, limits` hard limits of detection too, and
+`calibrated` a smooth probability of detection in place of the limits. [What it is not](limits.md) is a page of its own.
 """
 OLDER = """The tables of the banks, the factors, the calibration errors and the hallway were measured with an earlier
 search for markers and an earlier registration, and `calibrated` has hard limits in them. Numbers will change when they
@@ -78,7 +79,7 @@ def findings_page(reference: Path) -> str:
     places = places_of_reference(reference)
     top = read_tables(reference)
     errors = top.get("calibration_error", [])
-    parts = [HEAD, written(five_sentences(places, errors)) + "\n"]
+    parts = [HEAD, with_population(places, errors) + "\n"]
     if summary := summary_table(places):
         parts.append(f"{SUMMARY}\n{summary}\n")
     parts.append(WORDS)

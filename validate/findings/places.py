@@ -9,24 +9,25 @@ from pathlib import Path
 
 from validate.findings.tables import Row, Tables, all_of, first_of, read_tables
 
-__all__ = ["COUNT", "FILTER", "HEADLINE", "SINGLE_FRAME", "Place", "places_of_bank", "places_of_reference"]
+__all__ = ["COUNT", "FILTER", "HEADLINE", "SHARE", "SINGLE_FRAME", "Place", "places_of_bank", "places_of_reference"]
 
 # The camera count of the headline.
 HEADLINE = "4"
 SINGLE_FRAME, FILTER = "measured_pss_single_frame", "measured_pss_filter"
-# The metric that a prediction of errors must do better than.
-COUNT = "visibility-count"
+# The two counts that a prediction of errors must do better than: of the cameras that see a point, at most three, and of
+# the points that two cameras see.
+COUNT, SHARE = "visibility-count", "visible-share"
 _OF_YARDSTICK = {SINGLE_FRAME: "pss-single-frame", FILTER: "pss"}
 # What a scene's tables end in, behind the scene's name and a hyphen.
 _NAMES = ("leaderboard", "ceiling", "consistency", "detection", "parts", "sensitivity", "blunders", "process")
 _NAMES += ("reliability", "size", "differences", "scale")
-# Folder, title and population of each bank; a folder of another name is shown under its own.
+# Folder, title, population and renders of a view of each bank; a folder of another name is shown under its own.
 _BANKS = {
-    "bank": ("room", "the room's seven"),
-    "bank-third": ("third room", "the third room's seven"),
-    "bank-dim": ("room at ¼ light", "the room's seven"),
-    "bank-bright": ("room at 4 × light", "the room's seven"),
-    "bank-half-full-well": ("room at 30 × light", "the room's seven"),
+    "bank": ("room", "the room's seven", 2),
+    "bank-third": ("studio", "the studio's seven", 2),
+    "bank-dim": ("room at ¼ light", "the room's seven", 1),
+    "bank-bright": ("room at 4 × light", "the room's seven", 1),
+    "bank-half-full-well": ("room at 30 × light", "the room's seven", 2),
 }
 _OTHER_LIGHTS = ("bank-dim", "bank-bright", "bank-half-full-well")
 _SECOND = {"atrium": "the atrium's six"}
@@ -43,6 +44,7 @@ class Place:
         weights: of the calibration it was judged with, by factor; empty where it is not known.
         commits: the commits of a prospective judgement, by what they did.
         own_light: whether the room has the light of its scene file.
+        renders: of each held-out view, with its markers turned otherwise; 0 where it is not known.
     """
 
     title: str
@@ -51,6 +53,7 @@ class Place:
     weights: Mapping[str, float] = field(default_factory=dict)
     commits: Mapping[str, str] = field(default_factory=dict)
     own_light: bool = True
+    renders: int = 0
 
     def rows(self, table: str) -> Sequence[Row]:
         """A table's rows; none if there is no such table."""
@@ -64,15 +67,20 @@ class Place:
         wanted = {"cameras": cameras, "yardstick": yardstick, "metric": name, "noise_model": model}
         return first_of(self.rows("leaderboard"), **wanted)
 
-    def less(self, model: str, base: str) -> Row | None:
-        """The row of the paired difference of ρ of single-frame PSS, by `model` less by `base`."""
-        wanted = {"cameras": HEADLINE, "yardstick": SINGLE_FRAME, "metric": _OF_YARDSTICK[SINGLE_FRAME]}
+    def less(self, model: str, base: str, yardstick: str = SINGLE_FRAME) -> Row | None:
+        """The row of the paired difference of ρ of the PSS that goes with the measure, by `model` less by `base`."""
+        wanted = {"cameras": HEADLINE, "yardstick": yardstick, "metric": _OF_YARDSTICK[yardstick]}
         return first_of(self.rows("differences"), **wanted, noise_model=model, minus=base)
 
     def sized(self, model: str, level: str = "single frame") -> Row | None:
         """The row of the table of consistency."""
         wanted = {} if level == "pixel" else {"cameras": HEADLINE}
         return first_of(self.rows("consistency"), level=level, noise_model=model, **wanted)
+
+    @property
+    def views(self) -> str:
+        """How many held-out views its configurations are made of; "" where it is not known."""
+        return next((row["views"] for row in self.rows("detection") if row.get("views")), "")
 
     @property
     def models(self) -> list[str]:
@@ -97,13 +105,13 @@ def places_of_reference(reference: Path) -> list[Place]:
     there = [folder.name for folder in sorted(reference.glob("bank*")) if folder.is_dir()]
     found = []
     for name in [name for name in _BANKS if name in there] + [name for name in there if name not in _BANKS]:
-        title, population = _BANKS.get(name, (name.removeprefix("bank-"), "the scene's"))
+        title, population, renders = _BANKS.get(name, (name.removeprefix("bank-"), "the scene's", 0))
         folder = reference / name
         weights = _weights(folder / "calibrated.toml")
         commits = {row["what"]: row["commit"] for row in read_tables(folder).get("commits", ())}
         for place in places_of_bank(read_tables(folder), title, population):
             own_light = name not in _OTHER_LIGHTS
-            found.append(Place(place.title, place.population, place.tables, weights, commits, own_light))
+            found.append(Place(place.title, place.population, place.tables, weights, commits, own_light, renders))
     return found
 
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from validate.findings.contenders import contenders_in
-from validate.findings.places import COUNT, FILTER, HEADLINE, SINGLE_FRAME, Place
-from validate.findings.process import MOTIONS, at_headline, at_the_scenes
+from validate.findings.places import COUNT, FILTER, HEADLINE, SHARE, SINGLE_FRAME, Place
+from validate.findings.process import COUNTED_BY, MOTIONS, at_headline, at_the_scenes
 from validate.findings.tables import (
     NOTHING,
     Row,
     all_of,
+    bounds,
     markdown_table,
     number,
     percent_with_range,
@@ -19,7 +20,8 @@ from validate.findings.tables import (
 
 __all__ = ["ceiling_table", "count_table", "difference_table", "neutral_table", "ranking_table", "regret_table"]
 
-CHOICES = (5, 20, 100)
+# With 100 of 500 there are so few choices that the interval is nearly all of 0 to 100 %.
+CHOICES = (5, 20)
 FRAME, SCENES = "single frame", "σ∞, random walk of 1 mm"
 KINDS = {FRAME: "", **{f"σ∞ at q ≈ c, {words}": motion for motion, words in MOTIONS.items()}, SCENES: ""}
 
@@ -31,9 +33,11 @@ def ranking_table(places: Sequence[Place]) -> str:
         for kind in KINDS:
             cells = [number(_row(place, model, kind), "spearman") for place in places]
             rows.append([model, kind, *cells])
-    for kind in KINDS:
-        counts = [_row(place, "physical", kind, COUNT) for place in places]
-        rows.append(["(count of visible points)", kind, *(number(row, "spearman") for row in counts)])
+    for model in COUNTED_BY:
+        for metric, words in ((COUNT, "count of cameras, at most three"), (SHARE, "share that two cameras see")):
+            for kind in KINDS:
+                counts = [_row(place, model, kind, metric) for place in places]
+                rows.append([f"({words}: {model})", kind, *(number(row, "spearman") for row in counts)])
     return _without_empty(["R", "PSS", *(place.title for place in places)], rows, 2)
 
 
@@ -44,16 +48,25 @@ def difference_table(places: Sequence[Place]) -> str:
     bases = list(dict.fromkeys(row["minus"] for place in places for row in place.rows("differences")))
     for model in models:
         for base in bases:
-            cells = [number(place.less(model, base), "spearman_difference") for place in places]
-            rows.append([model, FRAME, base, *cells])
+            for kind, yardstick in ((FRAME, SINGLE_FRAME), (SCENES, FILTER)):
+                less = [place.less(model, base, yardstick) for place in places]
+                cells = [_difference(row) for row in less]
+                rows.append([model, kind, base, *cells])
         for kind in KINDS:
-            cells = [number(_row(place, model, kind), "minus_visibility_count") for place in places]
-            rows.append([model, kind, "visibility count", *cells])
+            found = [_row(place, model, kind) for place in places]
+            for words, column in (("count of cameras", "minus_visibility_count"), ("share", "minus_visible_share")):
+                rows.append([model, kind, words, *(number(row, column) for row in found)])
     return _without_empty(["R", "PSS", "less that of", *(place.title for place in places)], rows, 3)
 
 
+def _difference(row: Row | None) -> str:
+    """A paired difference of ρ; nothing where both rank alike by construction."""
+    value, low, high = bounds(row, "spearman_difference")
+    return NOTHING if value == low == high == 0 else number(row, "spearman_difference")
+
+
 def regret_table(places: Sequence[Place]) -> str:
-    """Mean regret of choosing one of 5, 20 and 100 by single-frame PSS, and the oracle's."""
+    """Mean regret of choosing one of 5 and of 20 by single-frame PSS, and the oracle's."""
     rows = []
     for size in CHOICES:
         name = f"regret_of_{size}_mean"
@@ -72,11 +85,26 @@ def neutral_table(place: Place) -> str:
     order = {SINGLE_FRAME: 0, FILTER: 2}
     yardsticks.sort(key=lambda name: (order.get(name, 1), _threshold_mm(name)))
     by_pair: dict[tuple[str, str], dict[str, Row]] = {}
+    twins: dict[str, dict[str, None]] = {}
     for row in board:
+        if twin := row.get("twin_of"):
+            twins.setdefault(twin, {})[_named(row["metric"], row["noise_model"])] = None
+            continue
         by_pair.setdefault((row["metric"], row["noise_model"]), {})[row["yardstick"]] = row
-    pairs = sorted(by_pair, key=lambda pair: -_or_lowest(value_of(by_pair[pair].get(SINGLE_FRAME), "spearman")))
-    rows = [[*pair, *(_with_rank(by_pair[pair].get(name)) for name in yardsticks)] for pair in pairs]
-    return markdown_table(["metric", "R", *map(_words, yardsticks)], rows)
+    ranked = [pair for pair, rows in by_pair.items() if any(row.get("spearman") for row in rows.values())]
+    ranked.sort(key=lambda pair: -_or_lowest(value_of(by_pair[pair].get(SINGLE_FRAME), "spearman")))
+    rows = []
+    for pair in ranked:
+        same = ", ".join(twins.get(_named(*pair), ()))
+        rows.append([*pair, *(_with_rank(by_pair[pair].get(name)) for name in yardsticks), same])
+    table = markdown_table(["metric", "R", *map(_words, yardsticks), "the same order"], rows)
+    without = [pair for pair in by_pair if pair not in ranked]
+    named = [name for pair in without for own in [_named(*pair)] for name in (own, *twins.get(own, ()))]
+    return table + f"\n\nThe same for all configurations, so that they order none: {', '.join(named)}." * bool(named)
+
+
+def _named(metric: str, model: str) -> str:
+    return f"{metric} ({model})"
 
 
 def _threshold_mm(yardstick: str) -> float:

@@ -1,4 +1,4 @@
-"""The five sentences that a reader takes home, each with its numbers, intervals and population, made from the tables.
+"""The five sentences that a reader takes home, each with its numbers and intervals, made from the tables.
 
 What a sentence claims follows from the numbers: a difference counts if its interval has no zero in it, a size is right
 if NEES is within `RIGHT_SIZE`. Other tables make other sentences.
@@ -7,40 +7,61 @@ if NEES is within `RIGHT_SIZE`. Other tables make other sentences.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from validate.findings.calibration_error import LOST
 from validate.findings.contenders import IDENTITY, PRINTED
-from validate.findings.places import COUNT, Place
-from validate.findings.process import MOTIONS, at_headline, at_the_scenes, level_words
-from validate.findings.tables import Row, all_of, bounds, number, percent_with_range, value_of, with_range
+from validate.findings.places import COUNT, FILTER, SHARE, Place
+from validate.findings.population import cases, common_population, titles
+from validate.findings.process import (
+    CALIBRATED,
+    MOTIONS,
+    at_headline,
+    at_the_scenes,
+    less_counts,
+    level_words,
+    ratio_words,
+)
+from validate.findings.tables import (
+    Row,
+    all_of,
+    bounds,
+    number,
+    percent_with_range,
+    signed,
+    value_of,
+    with_range,
+)
 
-__all__ = ["Sentence", "five_sentences", "written"]
+__all__ = ["Sentence", "five_sentences", "with_population"]
 
-CALIBRATED, PHYSICAL, WHOLE = "calibrated", "physical", "physical, whole markers"
+PHYSICAL, WHOLE = "physical", "physical, whole markers"
 # NEES over its degrees of freedom of a prediction that is called right.
 RIGHT_SIZE = (0.9, 1.1)
-DIFFERENCE = "spearman_difference"
+DIFFERENCE, LESS_COUNT = "spearman_difference", "minus_visibility_count"
+# Measures that have no metric's form: the first decides what a sentence claims, in the room twice the median error.
+NEUTRAL, MEDIAN = "share_under_0.1mm", "median_rms_m"
+# Two ρ that differ by less rank alike.
+ALIKE = 0.005
 # Values of `kind` in calibration_error.csv, what each is judged over, and in words; earlier tables have no kinds.
 BROKEN_BY = {
-    "": ("", "by "),
-    "each frame": ("over calibrations", "drawn anew each frame, by "),
-    "frozen": ("within one calibration", "frozen as after a move to a preset, by "),
+    "": ("", ""),
+    "each frame": ("over calibrations", "drawn anew each frame, "),
+    "frozen": ("within one calibration", "frozen as after a move to a preset, "),
 }
 LEAST = "spearman_plain_least"
 # Factors of a calibration that are not the paper's.
 OWN_FACTORS = ("brightness-contrast", "floor")
-CONDITIONS = "registered markers; dim light unless named; perfect calibration; a closed world"
 
 
 @dataclass(frozen=True)
 class Sentence:
-    """One of the five: what it claims in a few words, the numbers for it, and of what population they are."""
+    """One of the five: what it claims in a few words, the numbers for it, and its population where it is its own."""
 
     claim: str
     numbers: str
-    population: str
+    population: str = ""
 
 
 def five_sentences(places: Sequence[Place], calibration_errors: Sequence[Row] = ()) -> list[Sentence]:
@@ -58,13 +79,16 @@ def five_sentences(places: Sequence[Place], calibration_errors: Sequence[Row] = 
     return [*found, choosing] if choosing else found
 
 
-def written(sentences: Sequence[Sentence]) -> str:
-    """As a numbered list in Markdown."""
+def with_population(places: Sequence[Place], calibration_errors: Sequence[Row] = ()) -> str:
+    """The sentences as a numbered list in Markdown, and below it the population that they share."""
     parts = [
-        f"{place}. **{each.claim}** {each.numbers} *Population: {each.population}.*"
-        for place, each in enumerate(sentences, 1)
+        f"{place}. **{each.claim}** {each.numbers}" + f" *{each.population}.*" * bool(each.population)
+        for place, each in enumerate(five_sentences(places, calibration_errors), 1)
     ]
-    return "\n\n".join(parts)
+    return "\n\n".join([*parts, common_population(places)] if parts else [])
+
+
+# ---- 1: the paper's R ------------------------------------------------------------------------------------------------
 
 
 def _as_printed(places: Sequence[Place]) -> Sentence | None:
@@ -72,17 +96,18 @@ def _as_printed(places: Sequence[Place]) -> Sentence | None:
     if not there:
         return None
     better = [place for place in there if _is_better(place)]
-    verb = f"ranks better than R = I in {len(better)}" if better else "does not rank better than R = I in any"
-    claim = f"As printed, the paper's metric {verb} of {_count(there)}."
+    if better:
+        claim = f"The paper's R, as printed, ranks better than R = I in {_share(better, there)}."
+    else:
+        claim = f"The paper's R, as printed, is not shown to rank better than R = I in {_any(there)}."
     first, less = there[0], there[0].less(PRINTED, IDENTITY)
     numbers = (
         f"In the {first.title} single-frame PSS has ρ = {number(first.ranked(PRINTED), 'spearman')} as printed and "
         f"{number(first.ranked(IDENTITY), 'spearman')} with R = I"
     )
     numbers += f", a paired difference of {number(less, DIFFERENCE)}" if less else ""
-    differences = [_difference(place) for place in there]
-    numbers += f"; over all of them the difference is {_from_to(differences)}." if len(there) > 1 else "."
-    return Sentence(claim, numbers, _population(there))
+    numbers += f"; over all of them {_from_to(map(_difference, there))}." if len(there) > 1 else "."
+    return Sentence(claim, " ".join(filter(None, (numbers, _power(there), _at_one_mm(there)))), _own(there, places))
 
 
 def _difference(place: Place) -> float:
@@ -98,29 +123,113 @@ def _is_better(place: Place) -> bool:
     return bounds(printed, "spearman")[1] > bounds(identity, "spearman")[0]
 
 
+def _power(places: Sequence[Place]) -> str:
+    """What the same test shows of other contenders."""
+    shown = []
+    for model in ("corrected", PHYSICAL, CALIBRATED):
+        ends = [bounds(less, DIFFERENCE)[1] for place in places if (less := place.less(model, IDENTITY))]
+        if ends:
+            shown.append((model, sum(low > 0 for low in ends), len(ends)))
+    if not shown:
+        return ""
+    weak = "The test has little power: it" if any(count < total for *_, count, total in shown) else "The same test"
+    better = ", ".join(f"`{model}` in {count}" for model, count, _ in shown)
+    return f"{weak} shows as better than R = I {better} of {shown[0][2]}."
+
+
+def _at_one_mm(places: Sequence[Place]) -> str:
+    """The paper's own metric, σ∞, at the scenes' process noise."""
+    there = [(place, less) for place in places if (less := place.less(PRINTED, IDENTITY, FILTER))]
+    if not there:
+        return ""
+    worse = sum(bounds(less, DIFFERENCE)[2] < 0 for _, less in there)
+    better = sum(bounds(less, DIFFERENCE)[1] > 0 for _, less in there)
+    place, less = there[0]
+    text = f"For σ∞ at 1 mm a frame the difference is {number(less, DIFFERENCE)} in the {place.title}"
+    counts = [f"{words} in {count}" for words, count in (("worse", worse), ("better", better)) if count]
+    text += f" ({', '.join(counts)} of {len(there)})" if counts else ""
+    if scaled := place.less(f"{PRINTED}, scaled", f"{IDENTITY}, scaled", FILTER):
+        text += f", and {number(scaled, DIFFERENCE)} with both scaled to the training views"
+    return f"{text}."
+
+
+# ---- 2: ranking ------------------------------------------------------------------------------------------------------
+
+
 def _ranking(places: Sequence[Place]) -> Sentence | None:
     there = [place for place in places if place.ranked(CALIBRATED)]
     if not there:
         return None
-    over = {
-        name: [value_of(place.ranked(name), "spearman") for place in there] for name in (CALIBRATED, PHYSICAL, WHOLE)
-    }
+    rhos = [value_of(place.ranked(CALIBRATED), "spearman") for place in there]
     claim = (
-        f"Calibrated on other views, single-frame PSS ranks with ρ of {min(over[CALIBRATED]):.2f} or more in "
-        f"{_count(there)}; with the physical R, which is fitted to nothing, {_from_to(over[PHYSICAL])}."
+        f"Calibrated on other views, single-frame PSS ranks with ρ of {min(rhos):.2f} or more by measured PSS, which "
+        f"is the metric's own form{_by_neutral(there)}."
     )
     first = there[0]
-    numbers = (
-        f"In the {first.title} ρ = {number(first.ranked(CALIBRATED), 'spearman')} calibrated, "
-        f"{number(first.ranked(PHYSICAL), 'spearman')} physical, {number(first.ranked(WHOLE), 'spearman')} with whole "
-        "markers."
+    rho = (
+        f"In the {first.title} ρ = {number(first.ranked(CALIBRATED), 'spearman')}; "
+        f"{number(first.ranked(PHYSICAL), 'spearman')} with the physical R, which is fitted to nothing, and "
+        f"{number(first.ranked(WHOLE), 'spearman')} for whole markers."
     )
+    numbers = [rho]
     for place in there:
         if place.commits:
             steps = " and ".join(f"{what} in commit `{commit}`" for what, commit in place.commits.items())
             rho = number(place.ranked(CALIBRATED), "spearman")
-            numbers += f" The {place.title} is prospective, {steps}: ρ = {rho} calibrated."
-    return Sentence(claim, f"{numbers} {_weights(there)}".strip(), _population(there))
+            numbers.append(f"The {place.title} is prospective, {steps}: ρ = {rho}.")
+    numbers += [_less_its_count(there), _weights(there)]
+    return Sentence(claim, " ".join(filter(None, numbers)), _own(there, places))
+
+
+def _decided(places: Sequence[Place], yardstick: str) -> tuple[list[Place], list[Place], list[Place]]:
+    """The places with a difference to the count by this measure, those where the count is better, and where PSS is."""
+    found = [(place, bounds(_neutral(place, yardstick), LESS_COUNT)) for place in places]
+    known = [(place, ends) for place, ends in found if not math.isnan(ends[1])]
+    count, pss = ([place for place, ends in known if test(ends)] for test in (_below_zero, _above_zero))
+    return [place for place, _ in known], count, pss
+
+
+def _neutral(place: Place, yardstick: str) -> Row | None:
+    return place.ranked(CALIBRATED, "pss-single-frame", yardstick)
+
+
+def _below_zero(ends: tuple[float, float, float]) -> bool:
+    return ends[2] < 0
+
+
+def _above_zero(ends: tuple[float, float, float]) -> bool:
+    return ends[1] > 0
+
+
+def _by_neutral(places: Sequence[Place]) -> str:
+    known, count, pss = _decided(places, NEUTRAL)
+    if not known:
+        return ""
+    parts = [f"{words} in {len(where)}" for words, where in (("counting ranks better", count), ("PSS", pss)) if where]
+    text = (
+        f"{' and '.join(parts)} of {len(known)} cases" if parts else "neither it nor counting is shown to rank better"
+    )
+    return f"; by the share of points within 0.1 mm {text}"
+
+
+def _less_its_count(places: Sequence[Place]) -> str:
+    """ρ less that of the expected count, by the measures that have no metric's form."""
+    known, count, pss = _decided(places, NEUTRAL)
+    if not known:
+        return ""
+    named = [place for place in known if place in count or place in pss] or known[:1]
+    each = ", ".join(f"{number(_neutral(place, NEUTRAL), LESS_COUNT)} ({place.title})" for place in named)
+    text = f"Within 0.1 mm its ρ less that of the expected count is {each}"
+    known, count, pss = _decided(places, MEDIAN)
+    if known:
+        least = min(known, key=lambda place: value_of(_neutral(place, MEDIAN), LESS_COUNT))
+        ranks = [
+            f"{words} ranks better in {len(where)}" for words, where in (("the count", count), ("PSS", pss)) if where
+        ]
+        of = f" of {len(known)}"
+        text += f"; by the median RMS {(' and '.join(ranks) or 'neither is shown to rank better in any') + of}"
+        text += f", with {number(_neutral(least, MEDIAN), LESS_COUNT)} at least ({least.title})"
+    return f"{text}."
 
 
 def _weights(places: Sequence[Place]) -> str:
@@ -136,43 +245,76 @@ def _weights(places: Sequence[Place]) -> str:
     return f"Every calibration gives the paper's factors no weight: the fitted R is the physical one times {times}."
 
 
+# ---- 3: σ∞ against counts --------------------------------------------------------------------------------------------
+
+
 def _process(places: Sequence[Place]) -> Sentence | None:
     there, judged = [], []
     for place in places:
         rows = [row for motion in MOTIONS if (row := at_headline(place, CALIBRATED, motion))]
-        judged += [bounds(row, "minus_visibility_count") for row in rows]
+        judged += [found for row in rows if (found := less_counts(row))]
         there += [place] * bool(rows)
-    at_scenes = _at_the_scenes(places)
+    at_scenes, alike = _at_the_scenes(places)
     if not judged:
-        claim = "σ∞ has been judged only at the scenes' own process noise, where it is nearly a count of points."
+        claim = "σ∞ has been judged only at the scenes' own process noise"
+        claim += ", where it ranks as a count does." if alike else "."
         judged_there = [place for place in places if at_the_scenes(place, CALIBRATED)]
-        return Sentence(claim, at_scenes, _population(judged_there)) if at_scenes else None
-    better = [low for _, low, _ in judged if low > 0]
-    where = f" in {len(better)} of {len(judged)} comparisons" * (0 < len(better) < len(judged))
-    verb = "ranks better than" if better else "does not rank better than"
-    claim = f"Where process and measurement weigh alike (q ≈ c), calibrated σ∞ {verb} counting what is visible{where}."
-    said = []
-    for motion in MOTIONS:
-        if row := at_headline(there[0], CALIBRATED, motion):
-            count = at_headline(there[0], CALIBRATED, motion, COUNT)
-            said.append(
-                f"{level_words(row)}: ρ = {number(row, 'spearman')} against {number(count, 'spearman')} of the "
-                f"expected count, a paired difference of {number(row, 'minus_visibility_count')}"
-            )
-    over = _from_to([value for value, *_ in judged])
-    numbers = f"In the {there[0].title}, {'; '.join(said)}; over all comparisons the difference is {over}. {at_scenes}"
-    return Sentence(claim, numbers.strip(), _population(there))
-
-
-def _at_the_scenes(places: Sequence[Place]) -> str:
-    place = next((place for place in places if at_the_scenes(place, CALIBRATED)), None)
-    if place is None:
-        return ""
-    count = at_the_scenes(place, CALIBRATED, COUNT) or at_the_scenes(place, PHYSICAL, COUNT)
-    return (
-        f"At the scenes' own process noise, 1 mm a frame, it is {number(at_the_scenes(place, CALIBRATED), 'spearman')} "
-        f"against {number(count, 'spearman')} in the {place.title}: nearly a count."
+        return Sentence(claim, at_scenes, _own(judged_there, places)) if at_scenes else None
+    better = [found for found in judged if all(low > 0 for _, low, _ in found)]
+    where = f" in {len(better)} of {len(judged)} comparisons" * (len(better) < len(judged))
+    if not better:
+        where = f" in any of {len(judged)} comparisons"
+    verb = "ranks better than" if better else "is not shown to rank better than"
+    claim = (
+        f"Where process and measurement weigh alike (q ≈ c), calibrated σ∞ {verb} both counts of what is visible{where}"
     )
+    claim += "; at the scenes' own 1 mm a frame it ranks as one of them does." if alike else "."
+    first = there[0]
+    row = next(row for motion in MOTIONS if (row := at_headline(first, CALIBRATED, motion)))
+    parts = [
+        f"less that of the expected {words} {number(row, column)}"
+        for words, column in (
+            ("count of cameras (at most three a point)", LESS_COUNT),
+            ("share of points that two cameras see", "minus_visible_share"),
+        )
+        if not math.isnan(value_of(row, column))
+    ]
+    least = _from_to(min(value for value, *_ in found) for found in judged)
+    numbers = (
+        f"In the {first.title}, {level_words(row)} ({ratio_words(row)}): ρ = {number(row, 'spearman')}, "
+        f"{', '.join(parts)}; less that of the stronger count {least} over all comparisons. {at_scenes}"
+    )
+    return Sentence(claim, numbers.strip(), _own(there, places))
+
+
+def _at_the_scenes(places: Sequence[Place]) -> tuple[str, bool]:
+    """σ∞ beside the counts at the scenes' own process noise, and whether it ranks like one of them in all places."""
+    alike, first = [], ""
+    for place in places:
+        row = at_the_scenes(place, CALIBRATED)
+        if row is None:
+            continue
+        models = (CALIBRATED, PHYSICAL)
+        rows = [
+            next(filter(None, (at_the_scenes(place, model, name) for model in models)), None) for name in (COUNT, SHARE)
+        ]
+        counts = [count for count in rows if count is not None]
+        if not counts:
+            continue
+        nearest = min(counts, key=lambda count: abs(_rho(count) - _rho(row)))
+        alike.append(abs(_rho(nearest) - _rho(row)) < ALIKE)
+        if not first:
+            words = {COUNT: "the count of cameras", SHARE: "the share that two cameras see"}[nearest["metric"]]
+            rhos = f"{number(row, 'spearman')} against {number(nearest, 'spearman')} of {words}"
+            first = f"At 1 mm a frame ρ is {rhos}."
+    return first, bool(alike) and all(alike)
+
+
+def _rho(row: Row | None) -> float:
+    return value_of(row, "spearman")
+
+
+# ---- 4: size ---------------------------------------------------------------------------------------------------------
 
 
 def _size(places: Sequence[Place]) -> Sentence | None:
@@ -180,23 +322,25 @@ def _size(places: Sequence[Place]) -> Sentence | None:
     if not there:
         return None
     name = "nees_per_dof"
-    right = [place for place in there if RIGHT_SIZE[0] <= value_of(place.sized(CALIBRATED), name) <= RIGHT_SIZE[1]]
-    claim = f"Calibrated, the predicted variance of errors is right within 10 % in {len(right)} of {_count(there)}."
+    low, high = RIGHT_SIZE
+    right = [place for place in there if low <= value_of(place.sized(CALIBRATED), name) <= high]
+    ends = [bounds(place.sized(CALIBRATED), name)[1:] for place in there]
+    whole = sum(low <= lower and upper <= high for lower, upper in ends)
+    claim = f"Calibrated, NEES/3 lies within {low:g} to {high:g} in {_share(right, there)}"
+    claim += f"; its whole interval does in {whole if whole else 'none'}."
     first = there[0]
     numbers = (
         f"NEES/3 (above 1 errors are larger than predicted) is {number(first.sized(CALIBRATED), name)} in the "
         f"{first.title}, {number(first.sized(PHYSICAL), name)} by the physical R and "
         f"{number(first.sized(WHOLE), name)} with whole markers"
     )
-    wrong = [f"{each.title} {number(each.sized(CALIBRATED), name)}" for each in there if each not in right]
-    numbers += f"; calibrated it is not within {RIGHT_SIZE[0]:g} to {RIGHT_SIZE[1]:g} in {', '.join(wrong)}" * bool(
-        wrong
-    )
+    wrong = [f"{number(each.sized(CALIBRATED), name)} ({each.title})" for each in there if each not in right]
+    numbers += f"; calibrated and outside: {', '.join(wrong)}" * bool(wrong)
     known = [times for place in there if math.isfinite(times := _times(place.sized(PRINTED)))]
     if known:
         times = " to ".join(dict.fromkeys((_few(min(known)), _few(max(known)))))
-        numbers += f". As printed, errors are predicted {times} times too large"
-    return Sentence(claim, numbers + ".", _population(there))
+        numbers += f". As printed, errors are predicted {times} times as large as measured"
+    return Sentence(claim, numbers + ".", _own(there, places))
 
 
 def _times(row: Row | None) -> float:
@@ -208,45 +352,57 @@ def _few(value: float) -> str:
     return f"{float(f'{value:.2g}'):,.0f}" if value >= 10 else f"{value:.1f}"
 
 
+# ---- 5: choosing -----------------------------------------------------------------------------------------------------
+
+
 def _choosing(places: Sequence[Place], calibration_errors: Sequence[Row]) -> Sentence | None:
     name = "regret_of_20_mean"
-    there = [place for place in places if _has(place.ranked(CALIBRATED), name)]
+    there = [place for place in places if not math.isnan(value_of(place.ranked(CALIBRATED), name))]
     if not there:
         return None
-    most = max(100 * value_of(place.ranked(CALIBRATED), name) for place in there)
-    claim = f"Choosing the best of 20 by calibrated PSS costs {most:.1f} % of the best measured PSS or less on average"
-    broken = _broken(calibration_errors)
-    claim += "; small unknown errors of calibration break it." if broken else "."
+    most = max(there, key=lambda place: value_of(place.ranked(CALIBRATED), name))
+    broken, count = _broken(calibration_errors)
+    claim = (
+        f"Choosing the best of 20 by calibrated PSS costs at most {percent_with_range(most.ranked(CALIBRATED), name)} "
+        f"of the best measured PSS on average ({most.title})"
+    )
+    claim += "; small unknown errors of calibration break the ranking." if broken else "."
     first = there[0]
     row = first.ranked(CALIBRATED)
     costs = [f"{percent_with_range(row, name)} calibrated"]
     costs += [f"{percent_with_range(first.ranked(model), name)} {model}" for model in (PHYSICAL, PRINTED, IDENTITY)]
-    if _has(row, f"oracle_{name}"):
+    if not math.isnan(value_of(row, f"oracle_{name}")):
         costs.insert(0, f"{percent_with_range(row, f'oracle_{name}')} by the oracle")
     numbers = f"In the {first.title} the mean regret is {', '.join(costs)}."
-    return Sentence(claim, f"{numbers} {broken}".strip(), _population(there))
+    half = (
+        f"Population of the second half: {count} configurations of four cameras in the room, by `calibrated, limits`, "
+        "whose regret was not measured"
+    )
+    population = [_own(there, places), half * bool(broken)]
+    return Sentence(claim, f"{numbers} {broken}".strip(), "; ".join(filter(None, population)))
 
 
-def _broken(rows: Sequence[Row]) -> str:
-    """From which unknown error of pan and tilt on the ranking is lost, drawn anew each frame and frozen."""
+def _broken(rows: Sequence[Row]) -> tuple[str, str]:
+    """From which unknown error of pan and tilt on the ranking is lost, by kind, and over how many configurations."""
     alone = [row for row in rows if not (value_of(row, "focal_share") or value_of(row, "position_m"))]
     none = next((row for row in alone if value_of(row, "pan_tilt_deg") == 0), None)
     if none is None:
-        return ""
-    said = []
+        return "", ""
+    parts = []
     for kind, (judged, words) in BROKEN_BY.items():
         of_kind = all_of(alone, kind=kind, judged=judged, weights="own" if kind else "")
-        lost = next((row for row in of_kind if _rho(none) - _rho(row) > LOST), None)
+        lost = next((row for row in of_kind if _plain(none) - _plain(row) > LOST), None)
         if lost is not None:
             drawn = lost.get("draws") and lost.get(LEAST)
             least = f", in one of {lost['draws']} draws to {with_range(lost[LEAST], '', '')}" if drawn else ""
-            said.append(f"{words}{value_of(lost, 'pan_tilt_deg'):g}°, to {_with_ends(lost)}{least}")
-    if not said:
-        return ""
-    return f"An unknown error of pan and tilt takes ρ from {_with_ends(none)} in the room: {'; '.join(said)}."
+            parts.append(f"{words}by {value_of(lost, 'pan_tilt_deg'):g}°, to {_with_ends(lost)}{least}")
+    if not parts:
+        return "", ""
+    text = f"An unknown error of pan and tilt takes ρ from {_with_ends(none)} in the room: {'; '.join(parts)}."
+    return text, none.get("n", "")
 
 
-def _rho(row: Row) -> float:
+def _plain(row: Row) -> float:
     return value_of(row, "spearman_plain")
 
 
@@ -254,30 +410,26 @@ def _with_ends(row: Row) -> str:
     return with_range(*(row[f"spearman_plain{end}"] for end in ("", "_low", "_high")))
 
 
-def _population(places: Sequence[Place]) -> str:
-    """Of which configurations the numbers are, and under which conditions."""
-    counts = dict.fromkeys(row["n"] for place in places if (row := _any_row(place)) and row.get("n"))
-    each = f"{' or '.join(counts)} configurations of four cameras" + f" in each of {_count(places)}" * (len(places) > 1)
-    of_what = ", ".join(dict.fromkeys(place.population for place in places))
-    return f"{each}; settings of {of_what} camera places; {CONDITIONS}"
+# ---- words -----------------------------------------------------------------------------------------------------------
 
 
-def _any_row(place: Place) -> Row | None:
-    return next((row for model in place.models if (row := place.ranked(model))), None)
+def _own(there: Sequence[Place], places: Sequence[Place]) -> str:
+    """The places that a sentence is of, if it is not of all."""
+    return "" if len(there) == len(places) else f"Population: {titles(there)} alone"
 
 
-def _from_to(values: Sequence[float], digits: int = 2) -> str:
+def _share(some: Sequence[Place], there: Sequence[Place]) -> str:
+    return f"{len(some)} of {len(there)} cases" if len(there) > 1 else cases(there) if some else "no case"
+
+
+def _any(places: Sequence[Place]) -> str:
+    return f"any of {cases(places)}" if len(places) > 1 else cases(places)
+
+
+def _from_to(values: Iterable[float]) -> str:
     """0.84 to 0.93, or one number if both are the same."""
     known = [value for value in values if math.isfinite(value)]
     if not known:
         return "unknown"
-    low, high = (f"{value:.{digits}f}".replace("-", "−") for value in (min(known), max(known)))
+    low, high = (signed(f"{value:.2f}") for value in (min(known), max(known)))
     return low if low == high else f"{low} to {high}"
-
-
-def _has(row: Row | None, name: str) -> bool:
-    return not math.isnan(value_of(row, name))
-
-
-def _count(places: Sequence[Place]) -> str:
-    return "one room and light" if len(places) == 1 else f"{len(places)} rooms and lights"

@@ -14,6 +14,7 @@ from validate.findings.tables import (
     all_of,
     bounds,
     first_of,
+    in_powers,
     markdown_table,
     number,
     percent,
@@ -65,7 +66,7 @@ def ratio_table(places: Sequence[Place]) -> str:
                 [
                     place.title,
                     model,
-                    f"{ratio:.3g}" if math.isfinite(ratio) else NOTHING,
+                    in_powers(ratio, 3) if math.isfinite(ratio) else NOTHING,
                     _two(row, "median_abs_log_ratio"),
                     ", ".join(f"{100 * value_of(row, f'coverage_{level}'):.1f}" for level in COVERAGE),
                     number(row, "point_spearman"),
@@ -134,7 +135,7 @@ def scale_table(places: Sequence[Place]) -> str:
     for model, times in keys:
         found = [first_of(place.rows("scale"), noise_model=model, times=times) for place in places]
         fitted = any(row and row.get("fitted") == "yes" for row in found)
-        words = f"× {float(times):.3g}" + " (fitted)" * fitted
+        words = f"× {in_powers(float(times), 3)}" + " (fitted)" * fitted
         rows.append([model, words, *(number(row, "spearman") for row in found)])
     return markdown_table(["R", "times", *(place.title for place in places)], rows)
 
@@ -190,7 +191,7 @@ def _cell(row: Row, column: str) -> str:
 def _short(row: Row | None, name: str) -> str:
     """A NEES; far below 1 by powers of ten, without an interval that would read 0.00."""
     value = value_of(row, name)
-    return f"{value:.0e}".replace("-", "−") if 0 < value < 0.005 else number(row, name)
+    return in_powers(value, 1) if 0 < value < 0.005 else number(row, name)
 
 
 def _two(row: Row, name: str) -> str:

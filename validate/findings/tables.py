@@ -7,6 +7,7 @@ lack columns, and a page is made from what is there.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -20,12 +21,14 @@ __all__ = [
     "bounds",
     "first_of",
     "folded",
+    "in_powers",
     "markdown_table",
     "number",
     "one_of",
     "percent",
     "percent_with_range",
     "read_tables",
+    "signed",
     "value_of",
     "with_range",
 ]
@@ -35,8 +38,8 @@ Tables = Mapping[str, Sequence[Row]]
 
 # What a table's cell shows where there is no number.
 NOTHING = "–"
-# What two decimals round up to 1.
-ALMOST_ONE = 0.995
+# What two decimals round up to 1, and what they round to 0 but three do not.
+ALMOST_ONE, ALMOST_ZERO = 0.995, (0.0005, 0.005)
 
 
 def read_tables(folder: Path) -> dict[str, list[dict[str, str]]]:
@@ -78,17 +81,38 @@ def number(row: Row | None, name: str) -> str:
 def with_range(value: str, low: str, high: str) -> str:
     """0.93 [0.85, 0.98]; the number alone where it has no interval.
 
-    A correlation just below 1 has three decimals: two would call it 1.
+    A correlation just below 1 has three decimals: two would call it 1. So has an interval with an end so near to 0 that
+    two would hide on which side it is.
     """
     numbers = [float(each or "nan") for each in (value, low, high)]
     if math.isnan(numbers[0]):
         return NOTHING
     known = [number for number in numbers if not math.isnan(number)]
-    decimals = 3 if ALMOST_ONE <= numbers[0] < 1 and max(known) <= 1 else 2
+    near_one = ALMOST_ONE <= numbers[0] < 1 and max(known) <= 1
+    near_zero = any(ALMOST_ZERO[0] <= abs(end) < ALMOST_ZERO[1] for end in known[1:])
+    decimals = 3 if near_one or near_zero else 2
     text = f"{numbers[0]:.{decimals}f}"
     if len(known) == len(numbers):
         text += f" [{numbers[1]:.{decimals}f}, {numbers[2]:.{decimals}f}]"
-    return text.replace("-", "−")
+    return signed(text)
+
+
+def signed(text: str) -> str:
+    """Numbers with the sign for minus, and none before what is rounded to 0."""
+    return re.sub(r"-(?=0\.?0*(?![\d.]))", "", text).replace("-", "−")
+
+
+def in_powers(value: float, digits: int = 2) -> str:
+    """0.0064 as 6.4·10⁻³ and 10,000 as 10⁴ where decimals would be many; 0.35, 420 and 1,170 as they are."""
+    if not value or not math.isfinite(value):
+        return f"{value:g}"
+    rounded = float(f"{value:.{digits}g}")
+    exponent = math.floor(math.log10(abs(rounded)))
+    if -2 <= exponent < 4:
+        return signed(f"{rounded:,.{max(digits - 1 - exponent, 0)}f}")
+    factor = f"{rounded / 10**exponent:.{digits - 1}f}".rstrip("0").rstrip(".")
+    power = "10" + str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return power if factor == "1" else f"{signed(factor)}·{power}"
 
 
 def percent(value: str) -> str:
@@ -101,10 +125,10 @@ def percent_with_range(row: Row | None, name: str) -> str:
     value, low, high = (100 * number for number in bounds(row, name))
     if math.isnan(value):
         return NOTHING
-    said = f"{value:.1f} %"
+    text = f"{value:.1f} %"
     if not (math.isnan(low) or math.isnan(high)):
-        said += f" [{low:.1f}, {high:.1f}]"
-    return said.replace("-", "−")
+        text += f" [{low:.1f}, {high:.1f}]"
+    return signed(text)
 
 
 def markdown_table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
