@@ -9,12 +9,13 @@ from validate.findings.calibration_error import calibration_error_sentences
 from validate.findings.contenders import contenders_in
 from validate.findings.places import COUNT, FILTER, HEADLINE, SHARE, SINGLE_FRAME, Place, places_of_reference
 from validate.findings.sentences import with_population
-from validate.findings.tables import NOTHING, Row, all_of, markdown_table, number, percent, read_tables
+from validate.findings.tables import NOTHING, Row, all_of, markdown_table, number, percent, read_tables, with_range
 
 __all__ = ["BANK_BLOCKS"]
 
 # Counts as the smooth probability of detection expects them.
 CALIBRATED = "calibrated"
+SCALED = ", scaled"
 COUNTED = {COUNT: "(expected count of cameras, at most three)", SHARE: "(expected share that two cameras see)"}
 
 
@@ -25,24 +26,32 @@ def _sentences(reference: Path) -> str:
 
 
 def _ranks(reference: Path) -> str:
-    """ρ of single-frame PSS for every contender in every place, and of the expected counts."""
+    """ρ of single-frame PSS for every contender in every place, and of the expected counts.
+
+    Scaled models have the ranks of the unscaled, and no rows of their own.
+    """
     places = places_of_reference(reference)
-    rows = [[name, *(number(place.ranked(name), "spearman") for place in places)] for name in _models(places)]
+    names = [name for name in _models(places) if not name.endswith(SCALED)]
+    rows = [[name, *(number(place.ranked(name), "spearman") for place in places)] for name in names]
     for metric, words in COUNTED.items():
         rows.append([words, *(number(place.ranked(CALIBRATED, metric), "spearman") for place in places)])
     return markdown_table(["R", *(place.title for place in places)], rows)
 
 
 def _neutral(reference: Path) -> str:
-    """ρ of calibrated single-frame PSS by every measure in every place, and less that of its count."""
+    """By every measure in every place: ρ of calibrated single-frame PSS (ρ less that of its count)."""
     places = places_of_reference(reference)
     names = dict.fromkeys(row["yardstick"] for place in places for row in _of_four(place))
     rows = []
     for name in sorted((name for name in names if name != FILTER), key=_order):
         found = [place.ranked(CALIBRATED, "pss-single-frame", name) for place in places]
-        rows.append([_words(name), "ρ", *(number(row, "spearman") for row in found)])
-        rows.append([_words(name), "less its count's", *(number(row, "minus_visibility_count") for row in found)])
-    return markdown_table(["measure", "", *(place.title for place in places)], rows)
+        rows.append([_words(name), *map(_beside_the_count, found)])
+    return markdown_table(["measure", *(place.title for place in places)], rows)
+
+
+def _beside_the_count(row: Row | None) -> str:
+    rho = with_range((row or {}).get("spearman", ""), "", "")
+    return rho if rho == NOTHING else f"{rho} ({number(row, 'minus_visibility_count')})"
 
 
 def _of_four(place: Place, **wanted: str) -> list[Row]:

@@ -1,4 +1,4 @@
-"""Parts of sentences in docs/bank.md: what the calibrations are, and how strong process noise is beside measurement."""
+"""Parts of sentences in docs/bank.md: calibrations, pixels in bright light, process noise beside measurement."""
 
 from __future__ import annotations
 
@@ -8,23 +8,42 @@ from pathlib import Path
 
 from validate.findings.places import places_of_reference
 from validate.findings.process import SCENES_STEP_MM
-from validate.findings.tables import NOTHING, Row, all_of, read_tables, value_of
+from validate.findings.tables import NOTHING, Row, all_of, number, read_tables, value_of
 
 __all__ = ["DOCS_BLOCKS"]
 
-OWN_FACTOR = "brightness-contrast"
+# What makes up the physical R, and a constant of the calibration's own: neither is a factor of the paper.
+OWN_FACTORS = ("brightness-contrast", "floor")
 # A person's, whose level is in bank.md.
 PERSON_M2_S3 = 1.0
 
 
 def _times_physical(reference: Path) -> str:
-    """How many times the physical R the fitted ones are, over rooms and lights."""
-    times = [place.weights.get(OWN_FACTOR, math.nan) for place in places_of_reference(reference)]
-    known = [each for each in times if not math.isnan(each)]
-    if not known:
+    """What the fitted R are made of, over rooms and lights."""
+    fitted = [place for place in places_of_reference(reference) if place.weights]
+    plain = [place for place in fitted if set(place.weights) <= set(OWN_FACTORS)]
+    if not plain:
         return NOTHING
-    ends = [f"{end:.2f}" for end in (min(known), max(known))]
-    return " to ".join(dict.fromkeys(ends)) + f" by light ({known[0]:.2f} in the room's own)"
+    own = [place.weights.get(OWN_FACTORS[0], math.nan) for place in plain]
+    ends = " to ".join(dict.fromkeys(f"{end:.2f}" for end in (min(own), max(own))))
+    text = (
+        f"In {len(plain)} of {len(fitted)} cases it is `physical` times {ends} ({own[0]:.2f} in the {plain[0].title})"
+    )
+    others = [
+        f"{place.title}: {' and '.join(name for name in place.weights if name not in OWN_FACTORS)}"
+        for place in fitted
+        if place not in plain
+    ]
+    return text + (
+        f", and in {len(others)} a factor of the paper has a weight too ({'; '.join(others)})" * bool(others)
+    )
+
+
+def _bright_pixels(reference: Path) -> str:
+    """NEES of pixels in the brightest light."""
+    rows = all_of(read_tables(reference / "bank-half-full-well").get("consistency", ()), level="pixel")
+    by_model = {row["noise_model"]: number(row, "nees_per_dof") for row in rows}
+    return f"{by_model.get('physical', NOTHING)} by `physical`, {by_model.get('calibrated', NOTHING)} calibrated"
 
 
 def _scenes_step(reference: Path) -> str:
@@ -59,6 +78,7 @@ def _two_digits(value: float) -> str:
 
 DOCS_BLOCKS: Mapping[str, Callable[[Path], str]] = {
     "banks: times physical": _times_physical,
+    "banks: pixels in bright light": _bright_pixels,
     "process: step of the scenes": _scenes_step,
     "process: acceleration of people": _person,
 }
