@@ -10,10 +10,17 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from numpy.typing import NDArray
 
-__all__ = ["assert_words_are_legible", "extents"]
+from validate.glyphs import glyph_runs
+
+__all__ = ["assert_words_are_legible", "drawable", "extents"]
 
 # px: the extent of letters has room above and below them for accents and tails.
 TOUCH_PX = 3.0
+
+
+def drawable(words: str, otherwise: str) -> str:
+    """Some words if a font of this machine has their letters (else they are written by number, which takes room)."""
+    return words if "".join(run for _, run in glyph_runs(words)) == words else otherwise
 
 
 def extents(texts: Sequence[Text]) -> NDArray[np.float64]:

@@ -16,7 +16,7 @@ from matplotlib.transforms import Bbox
 
 from pss import Box
 from scenes import load_scene
-from tests.layout_of_words import assert_words_are_legible
+from tests.layout_of_words import assert_words_are_legible, drawable
 from tests.predicted_result import predicted_result
 from validate.figures import draw_curves, shown_steps, sweep_figure, write_round_numbers
 from validate.glyphs import settle_words
@@ -189,7 +189,7 @@ def test_stars_do_not_cover_each_other():
     plt.close(made)
 
 
-@pytest.mark.parametrize("name", ["北側カメラ{}", "north-wall-upper-{}", "{}"])
+@pytest.mark.parametrize("name", [drawable("北側カメラ{}", "Север{}"), "north-wall-upper-{}", "{}"])
 def test_words_are_legible_whatever_cameras_are_called(tmp_path, name):
     """Of a selection, whose steps are called after cameras; without a warning of letters that are missing."""
     for file in ("room.toml", "sweeps/selection.toml"):

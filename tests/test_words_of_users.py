@@ -14,6 +14,7 @@ import pytest
 from matplotlib.text import Text
 from rich.table import Table
 
+from tests.layout_of_words import drawable
 from tests.made_up_run import made_up_run
 from tests.test_report import Page
 from tests.test_sweep_run import SCENE, SELECTION, SWEEP
@@ -39,7 +40,7 @@ HOSTILE = (
     "<script>alert(1)</script>",
     "{{ 7*7 }} %s {0} %{x}",
     "'\"&amp; \\frac :warning:",
-    "رؤية 広角 ズーム",
+    drawable("رؤية 広角 ズーム", "رؤية угол"),
 )
 TITLE = " ".join(HOSTILE)
 # Stems of files: the first is an id that the report's page has for its data, the second a call in a spreadsheet.
