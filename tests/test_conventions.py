@@ -353,7 +353,7 @@ def test_angles_are_degrees_in_names_and_radians_inside():
 
 
 def test_the_metric_draws_no_random_numbers():
-    """Randomness: none in pss but from a generator that is handed in or has a fixed seed; the same inputs, the same bits."""
+    """None in pss but from a generator that is handed in or has a fixed seed: the same inputs, the same numbers."""
     drawing = set()
     for path in sorted((ROOT / "pss").rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
