@@ -21,7 +21,7 @@ CLAIMS = (
     ("the zoom limit lowers PSS", "single frame", "a zoom limit lowers PSS at a distance (single frame)"),
 )
 SIDES = (("predicted", "corrected"), ("predicted", "calibrated"), ("measured", ""))
-SAID_OF = (
+LISTED = (
     "as-printed",
     "corrected",
     "identity",
@@ -41,7 +41,7 @@ def _ranks(reference: Path) -> str:
     for kind in kinds:
         heads += [f"{kind}: ρ", f"{kind}: ρ of the visible share"] if counted else [f"{kind}: ρ"]
     lines = []
-    for model in SAID_OF:
+    for model in LISTED:
         of_model = {row["kind"]: row for row in all_of(rows, noise_model=model)}
         if of_model:
             names = ("spearman", "visible_share_spearman") if counted else ("spearman",)

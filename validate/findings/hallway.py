@@ -25,7 +25,7 @@ MODELS = (
     "calibrated",
 )
 # Yardsticks that sentences are made of; the table has them all.
-SAID = (
+STATED = (
     "measured PSS, filter",
     "measured PSS, filter, q ≈ c",
     "measured PSS, single frame",
@@ -76,17 +76,17 @@ def _agreement(rows: Sequence[Row]) -> str:
                 row = one_of(chosen, strategy=strategy, kind=kind, noise_model=model)
                 cells.append(f"{number(row, 'spearman')}; {float(row['median_abs_log_ratio']):.2f}")
         lines.append(_line([strategy, *cells]))
-    over_all, said = [], []
+    over_all, stated = [], []
     for kind in kinds:
         of_all = [one_of(chosen, strategy="all", kind=kind, noise_model=model) for model in models]
         for row in of_all:
             ratio = "no size" if row["noise_model"] in OF_THE_PAPER else number(row, "median_abs_log_ratio")
             over_all.append([kind, row["noise_model"], number(row, "spearman"), ratio])
-        said += [f"*{kind}*: {KINDS[kind]}."]
-        said += _beside_the_count(one_of(of_all, noise_model="calibrated"))
+        stated += [f"*{kind}*: {KINDS[kind]}."]
+        stated += _beside_the_count(one_of(of_all, noise_model="calibrated"))
     all_steps = markdown_table(["PSS", "R", "ρ over all strategies and steps", "median \\|log ratio\\|"], over_all)
     by_strategy = "By strategy, ρ over its steps with its interval, and the median |log ratio|:"
-    return "\n\n".join([" ".join(said), all_steps, by_strategy, "\n".join(lines)])
+    return "\n\n".join([" ".join(stated), all_steps, by_strategy, "\n".join(lines)])
 
 
 def _beside_the_count(row: Row) -> list[str]:
@@ -210,7 +210,7 @@ def _strategies(tables: Tables) -> str:
     ranking = [
         row
         for row in all_of(tables["ranking"], avatar="both", zoom_limit="none", noise_model="calibrated")
-        if row["yardstick"] in SAID
+        if row["yardstick"] in STATED
     ]
     choices = [
         [
@@ -265,9 +265,9 @@ def _real_walk(consistency: Sequence[Row], misfit: Sequence[Row], frames: Sequen
         f"In the median frame the median marker's error is {found}; the metric's own recursion, which knows no "
         f"detection, says {foreseen}."
     )
-    said = [walked, erred]
+    stated = [walked, erred]
     table = "Of frames in which two views or more updated a marker, by avatar and part of the body:"
-    return "\n\n".join([*said, table, "\n".join(lines)])
+    return "\n\n".join([*stated, table, "\n".join(lines)])
 
 
 def _median(values: Sequence[str]) -> float:

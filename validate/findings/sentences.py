@@ -27,6 +27,7 @@ from validate.findings.tables import (
     Row,
     all_of,
     bounds,
+    in_powers,
     number,
     percent_with_range,
     signed,
@@ -228,7 +229,7 @@ def _less_its_count(places: Sequence[Place]) -> str:
         ]
         of = f" of {len(known)}"
         text += f"; by the median RMS {(' and '.join(ranks) or 'neither is shown to rank better in any') + of}"
-        text += f", with {number(_neutral(least, MEDIAN), LESS_COUNT)} at least ({least.title})"
+        text += f", by most in the {least.title}: {number(_neutral(least, MEDIAN), LESS_COUNT)}" * bool(count)
     return f"{text}."
 
 
@@ -238,10 +239,18 @@ def _weights(places: Sequence[Place]) -> str:
     if not fitted:
         return ""
     scales = [weights.get(OWN_FACTORS[0], math.nan) for weights in fitted]
-    others = sorted({name for weights in fitted for name in weights if name not in OWN_FACTORS})
     times = _from_to(scales)
+    others = [
+        f"{name} {in_powers(weight)} in the {place.title}"
+        for place in places
+        for name, weight in sorted(place.weights.items())
+        if name not in OWN_FACTORS
+    ]
     if others:
-        return f"The calibrations give weight to {', '.join(others)} beside the physical factor's {times}."
+        rest = (
+            "; the others give them none" if len({text.split(" in the ")[1] for text in others}) < len(fitted) else ""
+        )
+        return f"The physical factor's weight is {times}. To the paper's factors is given: {', '.join(others)}{rest}."
     return f"Every calibration gives the paper's factors no weight: the fitted R is the physical one times {times}."
 
 

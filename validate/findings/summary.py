@@ -37,6 +37,7 @@ ROWS: tuple[tuple[str, Callable[[Place], str]], ...] = (
     ("2 · ρ calibrated", lambda place: number(place.ranked(CALIBRATED), "spearman")),
     ("2 · ρ physical", lambda place: number(place.ranked(PHYSICAL), "spearman")),
     ("2 · ρ physical, whole markers", lambda place: number(place.ranked(WHOLE), "spearman")),
+    ("2 · ρ calibrated R", lambda place: number(place.ranked("calibrated R"), "spearman")),
     ("2 · ρ calibrated, limits", lambda place: number(place.ranked("calibrated, limits"), "spearman")),
     ("2 · ρ within 0.1 mm, calibrated", lambda place: number(place.ranked(CALIBRATED, FRAME, WITHIN), "spearman")),
     ("2 · ρ within 0.1 mm, count", lambda place: number(place.ranked(CALIBRATED, COUNT, WITHIN), "spearman")),
