@@ -241,9 +241,7 @@ def test_weights_of_the_papers_factors_are_named(copy):
     path = copy / "bank" / "calibrated.toml"
     path.write_text(path.read_text(encoding="utf-8") + "defocus = 0.2\n", encoding="utf-8")
     # The atrium is judged with the room's calibration.
-    words = (
-        "To the paper's factors is given: defocus 0.20 in the room, defocus 0.20 in the atrium; the others give them"
-    )
+    words = "Of the paper's factors some have a weight: defocus 0.20 in the room, defocus 0.20 in the atrium."
     assert words in findings_page(copy)
 
 

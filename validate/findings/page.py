@@ -23,8 +23,8 @@ Does the PSS metric predict measured 3D error? Five sentences, then [figures](#f
 Spearman's rank correlation between configurations of four cameras, predicted against measured; brackets hold 95 %
 intervals. A case is a room in a light.
 """
-SUMMARY = """The same in each case (four cameras; σ∞ with a random walk; regret in the mean of choices of 20; a scalar times R
-changes no single-frame ρ):
+SUMMARY = """The same in each case (four cameras; σ∞ with a random walk; regret in the mean of choices of 20; a scalar
+times R changes no single-frame ρ):
 """
 WORDS = """**What the words mean.** *Registered markers*: printed square markers, found by one detector and localised by
 registration of their ideal image. *Dim light*: white has 100 to 130 electrons on the room's board, 1 % of full well, up

@@ -247,10 +247,7 @@ def _weights(places: Sequence[Place]) -> str:
         if name not in OWN_FACTORS
     ]
     if others:
-        rest = (
-            "; the others give them none" if len({text.split(" in the ")[1] for text in others}) < len(fitted) else ""
-        )
-        return f"The physical factor's weight is {times}. To the paper's factors is given: {', '.join(others)}{rest}."
+        return f"Of the paper's factors some have a weight: {', '.join(others)}. The physical factor's is {times}."
     return f"Every calibration gives the paper's factors no weight: the fitted R is the physical one times {times}."
 
 
