@@ -10,7 +10,7 @@ from validate.findings.calibration_error import calibration_error_findings
 from validate.findings.factors import factor_findings
 from validate.findings.figures import drawings_of
 from validate.findings.hallway import hallway_findings
-from validate.findings.places import Place, places_of_reference
+from validate.findings.places import places_of_reference
 from validate.findings.sentences import with_population
 from validate.findings.summary import summary_table
 from validate.findings.tables import folded, read_tables
@@ -35,10 +35,6 @@ R = I, "scaled" is one scalar times it, fitted on training views; `physical` is 
 sensor and lens. All of these take a marker as visible if its centre is, as the paper does; "whole markers" asks for all
 of it. `calibrated R` has its R fitted on other views, `calibrated, limits` hard limits of detection too, and
 `calibrated` a smooth probability of detection in place of the limits. [What it is not](limits.md) is a page of its own.
-"""
-OLDER = """The tables of the banks, the factors, the calibration errors and the hallway were measured with an earlier
-search for markers and an earlier registration, and `calibrated` has hard limits in them. Numbers will change when they
-are made again.
 """
 TABLES = """## Tables
 
@@ -71,7 +67,8 @@ HALLWAY = """### Two people pass each other
 
 The paper's dynamic scene, with four cameras under five strategies ([how](hallway.md)); 95 % intervals of ρ over the
 steps of the walk, of all else over trials and markers. The filter over people who are held is a linearised simulation
-that rendered residuals drive; that of the real walk is a real one:
+that rendered residuals drive; that of the real walk is a real one. (The real walk, frame by frame, was measured with an
+earlier search for markers and an earlier registration.)
 """
 
 
@@ -84,8 +81,6 @@ def findings_page(reference: Path) -> str:
     if summary := summary_table(places):
         parts.append(f"{SUMMARY}\n{summary}\n")
     parts.append(WORDS)
-    if _older(places):
-        parts.append(OLDER)
     if figures := drawings_of(places):
         shown = "\n\n".join(f"![{each.alt}](figures/{each.file})\n\n{each.caption}" for each in figures)
         parts.append(f"## Figures\n\n{shown}\n")
@@ -100,8 +95,3 @@ def findings_page(reference: Path) -> str:
     if {"agreement", "claims", "strategies", "ranking"} <= set(hallway):
         parts.append(HALLWAY + "\n" + folded("Strategies, claims and walk", hallway_findings(hallway)) + "\n")
     return "\n".join(parts)
-
-
-def _older(places: list[Place]) -> bool:
-    """Tables from before process noise was a factor of the bank."""
-    return bool(places) and not any(place.rows("process") for place in places)
