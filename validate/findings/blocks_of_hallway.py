@@ -11,13 +11,16 @@ from validate.findings.tables import Row, all_of, number, read_tables, with_rang
 __all__ = ["HALLWAY_BLOCKS"]
 
 CLOSER = "swapping to the closer avatar (2b) is better on average than to the farther (2a)"
+# A share and no ratio: it has no factors.
+SPIKE = "a spike where an avatar enters"
 # (claim as it begins in claims.csv, kind, in words)
 CLAIMS = (
     (CLOSER, "filter", "(2b) swapping to the closer person is better on average than (2a) to the farther (σ∞)"),
+    (CLOSER, "filter, q ≈ c", "the same where process and frame are alike (σ∞, q ≈ c)"),
     (CLOSER, "single frame", "the same, single frame"),
     ("PSS first rises, strategy (1)", "single frame", "with (1), PSS first rises (single frame)"),
     ("PSS then falls, strategy (1)", "single frame", "… then falls"),
-    ("a spike where an avatar enters", "single frame", "a spike where both people are in all views (share of PSS)"),
+    (SPIKE, "single frame", "a spike where both people are in all views (share of PSS)"),
     ("the zoom limit lowers PSS", "single frame", "a zoom limit lowers PSS at a distance (single frame)"),
 )
 SIDES = (("predicted", "corrected"), ("predicted", "calibrated"), ("measured", ""))
@@ -72,12 +75,15 @@ def _place(row: Row) -> str:
 
 
 def _cell(rows: list[Row], side: str, model: str) -> str:
+    """Whether it holds, the ratio, and its two factors: of the counts of markers, and of PSS per marker."""
     found = all_of(rows, side=side, noise_model=model)
-    return (
-        f"{found[0]['holds']}, {with_range(*(found[0][name] for name in ('value', 'ci_low', 'ci_high')))}"
-        if found
-        else ""
-    )
+    if not found:
+        return ""
+    (row, *_) = found
+    text = f"{row['holds']}, {with_range(*(row[name] for name in ('value', 'ci_low', 'ci_high')))}"
+    if row.get("of_counts") and row.get("per_marker") and not row["claim"].startswith(SPIKE):
+        text += f" = {float(row['of_counts']):.2f} × {float(row['per_marker']):.2f}"
+    return text
 
 
 def _walk(reference: Path) -> str:
