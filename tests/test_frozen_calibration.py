@@ -89,11 +89,14 @@ def test_a_second_room_is_judged_only_if_it_is_named(tmp_path, capsys):
         said.append(capsys.readouterr().out)
     assert run_sweep.main([*arguments, "--calibration", str(FILE), "--second-scene", str(SCENES / "atrium.toml")]) == 0
     said.append(capsys.readouterr().out)
+    assert run_sweep.main([*arguments, "--set", "sensor.exposure_ms=2"]) == 0
+    said.append(capsys.readouterr().out)
     roles = ("studio, training", "studio, detection", "studio, held out", "atrium, held out")
     assert [[role in text for role in roles] for text in said] == [
         [True, True, True, True],
         [False, False, True, False],
         [False, False, True, True],
+        [True, True, True, False],
     ]
 
 
