@@ -36,7 +36,7 @@ OVER, WITHIN = "over calibrations", "within one calibration"
 OWN, IN_WEIGHTS = "own", "with term"
 # Independent frozen calibrations.
 DRAWS = 12
-# Every so manieth configuration is triangulated in full beside first order.
+# One configuration in so many is triangulated in full, beside the errors to first order.
 CHECKED = 10
 # Columns of ρ of which the least and the most of the draws are given, too.
 WITH_EXTREMES = ("spearman_plain", "spearman_with_term", "spearman_propagated", "spearman_other_draws")
