@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from validate.findings.calibration_error import calibration_error_sentences
-from validate.findings.contenders import contenders_in
+from validate.findings.contenders import CALIBRATED, contenders_in
 from validate.findings.places import COUNT, FILTER, HEADLINE, SHARE, SINGLE_FRAME, Place, places_of_reference
 from validate.findings.sentences import with_population
 from validate.findings.tables import NOTHING, Row, all_of, markdown_table, number, percent, read_tables, with_range
@@ -14,7 +14,6 @@ from validate.findings.tables import NOTHING, Row, all_of, markdown_table, numbe
 __all__ = ["BANK_BLOCKS"]
 
 # Counts as the smooth probability of detection expects them.
-CALIBRATED = "calibrated"
 SCALED = ", scaled"
 COUNTED = {COUNT: "(expected count of cameras, at most three)", SHARE: "(expected share that two cameras see)"}
 

@@ -5,7 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-__all__ = ["CONTENDERS", "IDENTITY", "PRINTED", "Contender", "contenders_in"]
+__all__ = [
+    "CALIBRATED",
+    "CONTENDERS",
+    "IDENTITY",
+    "PHYSICAL",
+    "PRINTED",
+    "WHOLE_MARKERS",
+    "Contender",
+    "contenders_in",
+]
 
 
 @dataclass(frozen=True)
@@ -26,6 +35,7 @@ class Contender:
 
 
 PRINTED, IDENTITY = "as-printed", "identity"
+PHYSICAL, WHOLE_MARKERS, CALIBRATED = "physical", "physical, whole markers", "calibrated"
 _PRINTED, _CORRECTED, _IDENTITY, _PHYSICAL, _CALIBRATED = "#D55E00", "#B07A00", "#777777", "#0072B2", "#00795A"
 
 CONTENDERS = (
@@ -35,11 +45,11 @@ CONTENDERS = (
     Contender("corrected, scaled", _CORRECTED, "D", False),
     Contender(IDENTITY, _IDENTITY, "s", True),
     Contender("identity, scaled", _IDENTITY, "s", False),
-    Contender("physical", _PHYSICAL, "^", True),
-    Contender("physical, whole markers", _PHYSICAL, "v", True),
+    Contender(PHYSICAL, _PHYSICAL, "^", True),
+    Contender(WHOLE_MARKERS, _PHYSICAL, "v", True),
     Contender("calibrated R", _CALIBRATED, "o", False),
     Contender("calibrated, limits", _CALIBRATED, "s", False),
-    Contender("calibrated", _CALIBRATED, "o", True),
+    Contender(CALIBRATED, _CALIBRATED, "o", True),
 )
 _OTHER = "#CC79A7"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from validate.findings.contenders import contenders_in
+from validate.findings.contenders import CALIBRATED, PHYSICAL, contenders_in
 from validate.findings.places import COUNT, FILTER, SHARE, Place
 from validate.findings.tables import (
     NOTHING,
@@ -20,7 +20,6 @@ from validate.findings.tables import (
 )
 
 __all__ = [
-    "CALIBRATED",
     "COUNTED_BY",
     "MOTIONS",
     "at_headline",
@@ -31,8 +30,6 @@ __all__ = [
     "ratio_words",
 ]
 
-CALIBRATED = "calibrated"
-
 # The kinds of motion in the column `process`, in words.
 MOTIONS = {"random-walk": "random walk", "constant-velocity": "constant velocity"}
 # The level of the scenes' own process noise.
@@ -40,7 +37,7 @@ SCENES_STEP_MM = 1.0
 _LEVEL = ("process", "step_mm", "acceleration_density_m2_s3", "time_step_s")
 # The counts, in words, and the contenders whose visibility they are shown by.
 _COUNTS = {COUNT: "count of cameras, at most three", SHARE: "share that two cameras see"}
-COUNTED_BY = (CALIBRATED, "physical")
+COUNTED_BY = (CALIBRATED, PHYSICAL)
 _LESS = {COUNT: "minus_visibility_count", SHARE: "minus_visible_share"}
 
 

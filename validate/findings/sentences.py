@@ -11,11 +11,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from validate.findings.calibration_error import LOST
-from validate.findings.contenders import IDENTITY, PRINTED
+from validate.findings.contenders import CALIBRATED, IDENTITY, PHYSICAL, PRINTED, WHOLE_MARKERS
 from validate.findings.places import COUNT, FILTER, SHARE, Place
 from validate.findings.population import cases, common_population, titles
 from validate.findings.process import (
-    CALIBRATED,
     MOTIONS,
     at_headline,
     at_the_scenes,
@@ -37,7 +36,6 @@ from validate.findings.tables import (
 
 __all__ = ["Sentence", "five_sentences", "with_population"]
 
-PHYSICAL, WHOLE = "physical", "physical, whole markers"
 # NEES over its degrees of freedom of a prediction that is called right.
 RIGHT_SIZE = (0.9, 1.1)
 DIFFERENCE, LESS_COUNT = "spearman_difference", "minus_visibility_count"
@@ -170,7 +168,7 @@ def _ranking(places: Sequence[Place]) -> Sentence | None:
     rho = (
         f"In the {first.title} ρ = {number(first.ranked(CALIBRATED), 'spearman')}; "
         f"{number(first.ranked(PHYSICAL), 'spearman')} with the physical R, which is fitted to nothing, and "
-        f"{number(first.ranked(WHOLE), 'spearman')} for whole markers."
+        f"{number(first.ranked(WHOLE_MARKERS), 'spearman')} for whole markers."
     )
     numbers = [rho]
     for place in there:
@@ -338,7 +336,7 @@ def _size(places: Sequence[Place]) -> Sentence | None:
     numbers = (
         f"NEES/3 (above 1 errors are larger than predicted) is {number(first.sized(CALIBRATED), name)} in the "
         f"{first.title}, {number(first.sized(PHYSICAL), name)} by the physical R and "
-        f"{number(first.sized(WHOLE), name)} with whole markers"
+        f"{number(first.sized(WHOLE_MARKERS), name)} with whole markers"
     )
     wrong = [f"{number(each.sized(CALIBRATED), name)} ({each.title})" for each in there if each not in right]
     numbers += f"; calibrated and outside: {', '.join(wrong)}" * bool(wrong)

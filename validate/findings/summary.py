@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from validate.findings.contenders import IDENTITY, PRINTED
+from validate.findings.contenders import CALIBRATED, IDENTITY, PHYSICAL, PRINTED, WHOLE_MARKERS
 from validate.findings.places import COUNT, FILTER, SHARE, Place
-from validate.findings.process import CALIBRATED, at_headline, at_the_scenes, ratio_words
+from validate.findings.process import at_headline, at_the_scenes, ratio_words
 from validate.findings.tables import NOTHING, markdown_table, number, percent_with_range
 
 __all__ = ["summary_table"]
 
-PHYSICAL, WHOLE = "physical", "physical, whole markers"
 WALK, REGRET, NEES = "random-walk", "regret_of_20_mean", "nees_per_dof"
 WITHIN, MEDIAN, FRAME = "share_under_0.1mm", "median_rms_m", "pss-single-frame"
 
@@ -36,7 +35,7 @@ ROWS: tuple[tuple[str, Callable[[Place], str]], ...] = (
     ),
     ("2 · ρ calibrated", lambda place: number(place.ranked(CALIBRATED), "spearman")),
     ("2 · ρ physical", lambda place: number(place.ranked(PHYSICAL), "spearman")),
-    ("2 · ρ physical, whole markers", lambda place: number(place.ranked(WHOLE), "spearman")),
+    ("2 · ρ physical, whole markers", lambda place: number(place.ranked(WHOLE_MARKERS), "spearman")),
     ("2 · ρ calibrated R", lambda place: number(place.ranked("calibrated R"), "spearman")),
     ("2 · ρ calibrated, limits", lambda place: number(place.ranked("calibrated, limits"), "spearman")),
     ("2 · ρ within 0.1 mm, calibrated", lambda place: number(place.ranked(CALIBRATED, FRAME, WITHIN), "spearman")),
@@ -53,7 +52,7 @@ ROWS: tuple[tuple[str, Callable[[Place], str]], ...] = (
     ("3 · ρ of the share, 1 mm a frame", lambda place: number(at_the_scenes(place, CALIBRATED, SHARE), "spearman")),
     ("4 · NEES/3 calibrated", lambda place: number(place.sized(CALIBRATED), NEES)),
     ("4 · NEES/3 physical", lambda place: number(place.sized(PHYSICAL), NEES)),
-    ("4 · NEES/3 physical, whole markers", lambda place: number(place.sized(WHOLE), NEES)),
+    ("4 · NEES/3 physical, whole markers", lambda place: number(place.sized(WHOLE_MARKERS), NEES)),
     ("5 · regret calibrated", lambda place: percent_with_range(place.ranked(CALIBRATED), REGRET)),
     ("5 · regret of the oracle", lambda place: percent_with_range(place.ranked(CALIBRATED), f"oracle_{REGRET}")),
     ("5 · regret physical", lambda place: percent_with_range(place.ranked(PHYSICAL), REGRET)),
