@@ -17,9 +17,9 @@ import cv2
 import numpy as np
 
 from pss import PTZCamera
-from pss.legibility import WholeTarget, blur_modules, narrow_side_px
+from pss.cameras.views import Views
 from pss.noise.photometric import sides_e
-from pss.views import Views
+from pss.visibility.targets import WholeTarget, blur_modules, narrow_side_px
 from render.estimated_light import estimated_appearance
 from render.state import Marker
 from scenes import Scene, load_scene

@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import noise_model
-from pss.views import Views
-from pss.visibility import VISIBILITY_TESTS, visible_in
+from pss.cameras.views import Views
+from pss.visibility.points import VISIBILITY_TESTS, visible_in
 from scenes import load_scene
 from validate.bank.design import BankDesign, ViewBank, draw_configurations, held_out_views
 from validate.bank.measured import BankData, measure_all

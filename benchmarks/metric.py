@@ -28,7 +28,7 @@ from pss import (
     evaluate,
     evaluate_many,
 )
-from pss.process import ProcessModel
+from pss.processes.process import ProcessModel
 
 Floats = NDArray[np.float64]
 

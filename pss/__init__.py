@@ -4,24 +4,24 @@ numpy and scipy only (trimesh for meshes): no renderer, no computer vision. See 
 and units, and `docs/metric.md` for the paper equation by equation.
 """
 
-from pss.aggregation import Aggregation
-from pss.camera import PTZCamera
-from pss.detection import DetectionModel, detection_model
+from pss.cameras.camera import PTZCamera
+from pss.cameras.photometry import Appearance, ImageSensor
 from pss.errors import GeometryError, MissingLibraryError, PSSError, RangeError, RiccatiError, ShapeError
-from pss.evaluation import Evaluation, Evaluations
-from pss.legibility import Legible, WholeTarget, visibility_tests
-from pss.metric import evaluate, evaluate_many
-from pss.metric_table import Metric
-from pss.metrics import METRICS
+from pss.metric.aggregation import Aggregation
+from pss.metric.evaluate import evaluate, evaluate_many
+from pss.metric.evaluation import Evaluation, Evaluations
+from pss.metric.names import METRICS
+from pss.metric.table import Metric
+from pss.modalities.own_sensor import FunctionSensor
+from pss.modalities.sensors import Bearing, DepthCamera, PositionFix, RangeBeacon
 from pss.noise import NOISE_MODELS, NoiseModel, noise_model
-from pss.own_process import LinearProcess, NonlinearProcess, PerPoint
-from pss.own_sensor import FunctionSensor
-from pss.photometry import Appearance, ImageSensor
-from pss.process import ConstantAcceleration, ConstantVelocity, RandomWalk
-from pss.riccati import steady_state_covariance
-from pss.sensors import Bearing, DepthCamera, PositionFix, RangeBeacon
+from pss.processes.own_process import LinearProcess, NonlinearProcess, PerPoint
+from pss.processes.process import ConstantAcceleration, ConstantVelocity, RandomWalk
+from pss.riccati.solve import steady_state_covariance
 from pss.surrogates import Box, Rectangle, Shape, Sphere
-from pss.visibility import FieldOfView, Occlusion, SelfOcclusion
+from pss.visibility.detection import DetectionModel, detection_model
+from pss.visibility.points import FieldOfView, Occlusion, SelfOcclusion
+from pss.visibility.targets import Legible, WholeTarget, visibility_tests
 
 __all__ = [
     "METRICS",

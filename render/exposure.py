@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pss import Appearance, ImageSensor, PTZCamera, RangeError
-from pss.photometry import electrons_per_radiance
+from pss.cameras.photometry import electrons_per_radiance
 
 __all__ = ["AutoExposure", "ExposureChoice", "choose_exposure"]
 

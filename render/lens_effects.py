@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from pss import PTZCamera
-from pss.distortion import fold_radius, furthest_radius
+from pss.cameras.distortion import fold_radius, furthest_radius
 from render import lens
 
 __all__ = ["PlaceOnFilm"]

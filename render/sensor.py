@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import ImageSensor, PTZCamera
-from pss.distortion import stretch, undistorted
-from pss.photometry import electrons_per_radiance
+from pss.cameras.distortion import stretch, undistorted
+from pss.cameras.photometry import electrons_per_radiance
 
 __all__ = [
     "FixedPattern",
@@ -87,7 +87,7 @@ def expected_electrons(radiance_w_per_m2_sr: Floats, camera: PTZCamera, sensor: 
     """Mean photoelectrons of every pixel, (height, width), for a radiance image (height, width).
 
     The irradiance behind the lens is L (π/4) (a/v)² cos⁴ θ; photons and quantum efficiency are one factor with it
-    (`pss.photometry.electrons_per_radiance`).
+    (`pss.cameras.photometry.electrons_per_radiance`).
     """
     return radiance_w_per_m2_sr * (electrons_per_radiance(camera, sensor) * relative_illumination(camera))
 

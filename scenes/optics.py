@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from pss import PTZCamera, RangeError
-from pss.camera import MOST_BLADES
+from pss.cameras.camera import MOST_BLADES
 from render.images import MOST_PIXELS
 from scenes.errors import Location, Problems, allowed_in
 from scenes.schema import CameraSpec, SceneSpec

@@ -22,9 +22,9 @@ from pss import (
     noise_model,
     visibility_tests,
 )
-from pss.process import ProcessModel
+from pss.processes.process import ProcessModel
 from pss.surrogates import Mesh
-from pss.visibility import VisibilityTest
+from pss.visibility.points import VisibilityTest
 from render.exposure import AutoExposure
 from render.state import Light, Marker, MarkerPrint, Motion, Panel, Room, SceneObject, SceneState
 from scenes.avatar import walking

@@ -60,7 +60,7 @@ class TargetSpec(Spec):
 
 
 class MotorsSpec(Spec):
-    """[motors]: `pss.ptz_limits.PTZLimits`, but for the zoom's range; what is left out is not limited."""
+    """[motors]: `pss.cameras.motor_limits.PTZLimits`, but for the zoom's range; what is left out is not limited."""
 
     pan_range_deg: Range | None = Field(None, description="[lowest, highest], in degrees")
     tilt_range_deg: Range | None = Field(None, description="[lowest, highest], in degrees")

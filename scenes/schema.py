@@ -12,9 +12,9 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from pss import NOISE_MODELS, noise_model
-from pss.camera import MAX_ABS_TILT_DEG, MOST_BLADES
-from pss.legibility import VISIBILITIES
-from pss.photometry import LARGEST_PRNU_SHARE
+from pss.cameras.camera import MAX_ABS_TILT_DEG, MOST_BLADES
+from pss.cameras.photometry import LARGEST_PRNU_SHARE
+from pss.visibility.targets import VISIBILITIES
 from render.exposure import AutoExposure
 from scenes.avatar_schema import AvatarSpec
 from scenes.dictionaries import DICTIONARIES

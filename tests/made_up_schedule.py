@@ -7,8 +7,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from pss.cameras.motors import PTZLimits, follow
 from pss.noise import Calibration
-from pss.ptz import PTZLimits, follow
 from scenes import load_scene
 from scenes.schedule_file import load_schedule
 from tests.made_up_run import CERTIFICATE, made_up_view

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pss import Aggregation, PTZCamera, RandomWalk, RangeError, Rectangle, ShapeError, evaluate
-from pss.aggregation import bounded_by_volume, cover_all, environment_size_m, grown_from_previous
+from pss.metric.aggregation import bounded_by_volume, cover_all, environment_size_m, grown_from_previous
 
 NAN = np.nan
 SIGMA = np.array([0.001, 0.002, NAN, 0.004])

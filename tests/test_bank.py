@@ -9,8 +9,8 @@ import pytest
 import scipy.stats
 
 from pss import NoiseModel, PTZCamera, RandomWalk, evaluate, noise_model
-from pss.riccati import steady_state_covariance_from_information
-from pss.visibility import VISIBILITY_TESTS
+from pss.riccati.solve import steady_state_covariance_from_information
+from pss.visibility.points import VISIBILITY_TESTS
 from scenes import load_scene
 from tests.conftest import ROOM_FILE
 from validate import run_sweep

@@ -9,8 +9,8 @@ import pytest
 
 import pss
 from pss import ImageSensor, NoiseModel, PTZCamera, RangeError, noise_model
+from pss.cameras.views import Views
 from pss.noise import CALIBRATION_FACTORS, Calibration, calibration_factor
-from pss.views import Views
 from validate.calibrate import (
     BLUNDER_RATIO,
     FEWEST_DETECTIONS,

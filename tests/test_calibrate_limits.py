@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from pss import Appearance, PTZCamera, RangeError
-from pss.legibility import TARGET_VISIBILITY, Legible
-from pss.views import Views
-from pss.visibility import visible_in
+from pss.cameras.views import Views
+from pss.visibility.points import visible_in
+from pss.visibility.targets import TARGET_VISIBILITY, Legible
 from validate.calibrate_limits import fit_limits
 
 TRIALS = 20

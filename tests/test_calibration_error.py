@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from pss import NoiseModel, PTZCamera, RandomWalk, RangeError, evaluate
-from pss.covariances import largest_standard_deviation
+from pss.cameras.views import Views
 from pss.noise import IdentityNoise
-from pss.views import Views
-from pss.visibility import VISIBILITY_TESTS, visible_in
+from pss.riccati.covariances import largest_standard_deviation
+from pss.visibility.points import VISIBILITY_TESTS, visible_in
 from render.view import random_stream
 from validate.bank.measured import BankData, measure_all
 from validate.bank.miscalibrated_measured import MeasuredMoments, carried_through, triangulated

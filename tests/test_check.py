@@ -18,7 +18,7 @@ import pytest
 import pss
 from pss import RangeError
 from pss.noise.calibrated import Calibration
-from pss.visibility import visible_points
+from pss.visibility.points import visible_points
 from render.estimated_light import estimated_irradiance
 from render.light import solve_radiosity
 from render.state import Light, Panel

@@ -79,16 +79,16 @@ def test_shifted_detections_are_other_measurements(tmp_path):
         ("validate/coarse.py", True, False),
         ("validate/registration.py", True, False),
         ("render/sensor.py", True, True),
-        ("pss/photometry.py", True, True),
+        ("pss/cameras/photometry.py", True, True),
         ("render/lens.py", False, True),
         ("render/traced_meshes.py", False, True),
-        ("pss/camera.py", True, True),
+        ("pss/cameras/camera.py", True, True),
         # What shows results, or only predicts, invalidates nothing.
         ("validate/tables.py", False, False),
         ("validate/report/page.py", False, False),
         ("validate/store.py", False, False),
         ("validate/worker_pool.py", False, False),
-        ("pss/riccati.py", False, False),
+        ("pss/riccati/solve.py", False, False),
         ("pss/__init__.py", False, False),
         ("scenes/layout.py", False, False),
     ],
@@ -286,7 +286,7 @@ def test_all_code_that_runs_while_a_view_is_made_and_measured_counts(tmp_path):
         made["found"], _, _ = measure_capture(numbers, DICTIONARY, (1,), view.sensor)
 
     rendering = executed_while(make) - {"validate.pixel_noise.laboratory"}
-    assert {"render.view", "render.sampling", "render.light", "pss.camera"} <= rendering
+    assert {"render.view", "render.sampling", "render.light", "pss.cameras.camera"} <= rendering
     assert rendering <= {*view_code().modules, *NOT_COUNTED}
     measuring = executed_while(measure)
     assert np.isfinite(made["found"]).all()

@@ -23,8 +23,8 @@ from pss import (
     evaluate,
     noise_model,
 )
+from pss.cameras.motors import PTZLimits
 from pss.noise import DistanceIncidence, IdentityNoise, NoiseModel
-from pss.ptz import PTZLimits
 from render.exposure import AutoExposure
 from render.geometry import surfaces
 from render.lens import film_position, sensor_dict

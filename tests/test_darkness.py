@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from pss import PTZCamera, evaluate
-from pss.legibility import LEAST_CONTRAST_OVER_NOISE, Legible, contrast_over_noise, visibility_tests
-from pss.luminous import illuminance_lux, luminous_efficiency
-from pss.photometry import PLANCK_TIMES_LIGHT_SPEED_J_M
-from pss.views import Views
+from pss.cameras.luminous import illuminance_lux, luminous_efficiency
+from pss.cameras.photometry import PLANCK_TIMES_LIGHT_SPEED_J_M
+from pss.cameras.views import Views
+from pss.visibility.targets import LEAST_CONTRAST_OVER_NOISE, Legible, contrast_over_noise, visibility_tests
 from render.estimated_light import estimated_appearance
 from render.sampling import Sampling
 from render.view import ViewRequest, state_key

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from pss import DetectionModel, RandomWalk, evaluate, noise_model
-from pss.legibility import TARGET_VISIBILITY
+from pss.cameras.views import Views
 from pss.noise import Calibration
-from pss.views import Views
-from pss.visibility import VISIBILITY_TESTS, visible_in
+from pss.visibility.points import VISIBILITY_TESTS, visible_in
+from pss.visibility.targets import TARGET_VISIBILITY
 from render.view import state_key
 from scenes import load_scene
 from tests.conftest import ROOM_FILE

@@ -10,10 +10,10 @@ import pytest
 
 import pss
 from pss import DetectionModel, ImageSensor, RangeError
-from pss.detection import DETECTION_PARTS, detection_features
-from pss.legibility import TARGET_VISIBILITY, blur_modules, contrast_over_noise, narrow_side_px
 from pss.noise import DETECTION_COEFFICIENTS, Calibration
-from pss.visibility import visible_in
+from pss.visibility.detection import DETECTION_PARTS, detection_features
+from pss.visibility.points import visible_in
+from pss.visibility.targets import TARGET_VISIBILITY, blur_modules, contrast_over_noise, narrow_side_px
 from tests.test_calibrate_limits import world
 from validate.calibrate_detection import DetectionTrials, detection_trials, fit_detection, log_loss
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pss import PTZCamera, RangeError, ShapeError
-from pss.distortion import fold_radius, furthest_radius, stretch, undistorted
+from pss.cameras.distortion import fold_radius, furthest_radius, stretch, undistorted
 from validate.triangulate import triangulate
 
 # Relative; a dozen roundings.

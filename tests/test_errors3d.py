@@ -7,8 +7,8 @@ import pytest
 import scipy.integrate
 import scipy.stats
 
-from pss.covariances import mean_inverse_sigma
 from pss.errors import RangeError, ShapeError
+from pss.riccati.covariances import mean_inverse_sigma
 from validate.errors3d import MeasuredErrors, inverse_sigma_bias, measured_inverse_sigma, measured_pss
 
 # Sums of some twenty terms, in another order.

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import pss.metric
-import pss.steady_state
+import pss.metric.evaluate
+import pss.processes.steady_state
 from pss import (
     ConstantAcceleration,
     ConstantVelocity,
@@ -57,9 +57,9 @@ def scene_points():
 @pytest.mark.parametrize("pairs_at_once", [16384, 50, 7], ids=lambda n: f"{n} pairs at once")
 def test_many_configurations_are_what_each_is_alone(monkeypatch, pairs_at_once):
     """Of any size, empty too, sharing cameras or not, in blocks of any size."""
-    monkeypatch.setattr(pss.metric, "PAIRS_AT_ONCE", pairs_at_once)
-    monkeypatch.setattr(pss.steady_state, "MATRICES_AT_ONCE", pairs_at_once)
-    monkeypatch.setattr(pss.metric, "SHORTEST_RUN", min(pairs_at_once, 128))
+    monkeypatch.setattr(pss.metric.evaluate, "PAIRS_AT_ONCE", pairs_at_once)
+    monkeypatch.setattr(pss.processes.steady_state, "MATRICES_AT_ONCE", pairs_at_once)
+    monkeypatch.setattr(pss.metric.evaluate, "SHORTEST_RUN", min(pairs_at_once, 128))
     rng = np.random.default_rng(0)
     chosen = [sorted(rng.choice(7, size, replace=False)) for size in (0, 1, 2, 3, 7, 4, 2)]
     configurations = [[CAMERAS[i] for i in one] for one in chosen]
@@ -205,7 +205,9 @@ def test_visibility_tests_can_be_left_out_tightened_and_joined():
         def passed(self, views, candidates, occluder):
             return views.range_m < 3.0
 
-    near = evaluate(CAMERAS, points, normals, visibility=(*pss.metric.VISIBILITY_TESTS, Near()), **options).visible
+    near = evaluate(
+        CAMERAS, points, normals, visibility=(*pss.metric.evaluate.VISIBILITY_TESTS, Near()), **options
+    ).visible
     np.testing.assert_array_equal(near, whole & (views.range_m < 3.0))
 
 

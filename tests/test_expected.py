@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import pss
-import pss.expected
+import pss.visibility.expected
 from pss import Appearance, DetectionModel, PTZCamera, RangeError
-from pss.covariances import from_six
-from pss.expected import expected, probability_of_at_least
-from pss.legibility import TARGET_VISIBILITY
+from pss.riccati.covariances import from_six
+from pss.visibility.expected import expected, probability_of_at_least
+from pss.visibility.targets import TARGET_VISIBILITY
 
 ROUNDING = 1e-9
 # Of the sets that are drawn for many cameras: five standard errors of a share of one half, of 4096.
@@ -68,7 +68,7 @@ def test_many_cameras_are_drawn(monkeypatch):
     six, p = measured(9, 20, 1)
     p *= 0.5
     drawn = expected(six, p)
-    monkeypatch.setattr(pss.expected, "EXACT_CAMERAS", 9)
+    monkeypatch.setattr(pss.visibility.expected, "EXACT_CAMERAS", 9)
     exact = expected(six, p)
     assert (drawn.found != exact.found).any()
     np.testing.assert_allclose(drawn.found, exact.found, atol=DRAWN)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pss.errors import ShapeError
-from pss.process import ConstantVelocity, RandomWalk
-from pss.riccati import posterior_covariance, steady_state_covariance_from_information
+from pss.processes.process import ConstantVelocity, RandomWalk
+from pss.riccati.solve import posterior_covariance, steady_state_covariance_from_information
 from tests.test_track import exact_residuals, measured, pixel_covariances, room
 from validate.filter_moments import steady_moments
 from validate.track import track, trial_terms

@@ -1,7 +1,7 @@
 """A textbook Kalman filter, simulated from (A, Q, H, R), makes the errors that P∞ and P⁺∞ promise.
 
-The filter here knows nothing of pss.riccati: it starts ignorant, propagates its own covariance, and computes its own
-gain in each frame. Only the errors it makes in the end are compared.
+The filter here knows nothing of pss.riccati.solve: it starts ignorant, propagates its own covariance, and computes its
+own gain in each frame. Only the errors it makes in the end are compared.
 """
 
 import numpy as np
@@ -9,7 +9,7 @@ import pytest
 import scipy.stats
 
 from pss import ConstantAcceleration, ConstantVelocity, LinearProcess, RandomWalk
-from pss.riccati import measurement_information, posterior_covariance, steady_state_covariance
+from pss.riccati.solve import measurement_information, posterior_covariance, steady_state_covariance
 from tests.test_riccati import camera_like, difference
 
 RUNS = 2000

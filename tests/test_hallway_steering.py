@@ -8,7 +8,7 @@ import pytest
 import scipy.stats
 
 from pss import ConstantVelocity, PTZCamera, RangeError, ShapeError
-from pss.ptz import PTZLimits, follow, quantised
+from pss.cameras.motors import PTZLimits, follow, quantised
 from pss.surrogates import Cylinder, on_cylinder
 from validate.hallway.state import Avatar, Plan
 from validate.hallway.steering import steer

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pss import GeometryError, PTZCamera, RangeError, ShapeError, evaluate
-from pss.ptz import PTZLimits, follow, moved_towards
+from pss.cameras.motors import PTZLimits, follow, moved_towards
 from pss.surrogates import Cylinder, Surrogate, on_cylinder
 from validate.hallway.state import Avatar, Plan, StrategyState
 from validate.hallway.strategies import STRATEGIES, best_predicted, strategy_named

@@ -15,12 +15,12 @@ import pytest
 import scipy.stats
 
 from pss import Appearance, RangeError, evaluate
-from pss.legibility import TARGET_VISIBILITY
+from pss.cameras.views import Views
 from pss.noise import Calibration
-from pss.process import ConstantVelocity, RandomWalk
-from pss.riccati import steady_state_covariance_from_information
-from pss.views import Views
-from pss.visibility import visible_in
+from pss.processes.process import ConstantVelocity, RandomWalk
+from pss.riccati.solve import steady_state_covariance_from_information
+from pss.visibility.points import visible_in
+from pss.visibility.targets import TARGET_VISIBILITY
 from render.view import state_key
 from scenes import SceneError, load_scene
 from scenes.schedule_file import SURROGATES, load_schedule

@@ -12,16 +12,16 @@ import pytest
 
 import pss
 from pss import PSSError, RangeError, ShapeError
-from pss.aggregation import bounded_by_volume, cover_all, environment_size_m, grown_from_previous
+from pss.metric.aggregation import bounded_by_volume, cover_all, environment_size_m, grown_from_previous
 from pss.noise import PixelCovariance
-from pss.observability import information_ratio, is_detectable, is_observable, observability_matrix
-from pss.riccati import (
+from pss.riccati.axes import axis_covariance, position_variance
+from pss.riccati.observability import information_ratio, is_detectable, is_observable, observability_matrix
+from pss.riccati.solve import (
     measurement_information,
     posterior_covariance,
     riccati_residual,
     steady_state_covariance_from_information,
 )
-from pss.riccati_axes import axis_covariance, position_variance
 from pss.surrogates import (
     Capsule,
     Cylinder,
@@ -35,7 +35,7 @@ from pss.surrogates import (
     single_point,
     subsample_to_tolerance,
 )
-from pss.visibility import visible_points
+from pss.visibility.points import visible_points
 
 POINTS = np.random.default_rng(1).uniform(-0.5, 0.5, (30, 3)) + [0.0, 2.0, 1.0]
 NORMALS = np.broadcast_to([0.0, -1.0, 0.0], POINTS.shape).copy()

@@ -11,10 +11,10 @@ import pytest
 
 import pss
 from pss import Appearance, Box, Legible, PTZCamera, RangeError, WholeTarget, visibility_tests
-from pss.legibility import TARGET_VISIBILITY, blur_modules, narrow_side_px
+from pss.cameras.views import Views
 from pss.noise import Calibration
-from pss.views import Views
-from pss.visibility import VISIBILITY_TESTS, visible_in
+from pss.visibility.points import VISIBILITY_TESTS, visible_in
+from pss.visibility.targets import TARGET_VISIBILITY, blur_modules, narrow_side_px
 from scenes import SceneError, load_scene
 
 MODULE_M = 0.02

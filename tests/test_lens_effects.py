@@ -10,7 +10,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from pss import PTZCamera, RangeError
-from pss.distortion import furthest_radius, stretch
+from pss.cameras.distortion import furthest_radius, stretch
 from render import lens
 from render.lens_effects import PlaceOnFilm
 from render.sampling import Sampling, pixel_means, sample_image

@@ -12,7 +12,7 @@ import trimesh
 
 from pss import Box, ImageSensor, PTZCamera, Sphere
 from pss.surrogates import Mesh
-from pss.visibility import visible_points
+from pss.visibility.points import visible_points
 from render import backend, glow, lit_meshes
 from render.light import solve_radiosity
 from render.lit_meshes import SHEET_M, lit_mesh

@@ -23,7 +23,7 @@ from pss import (
     noise_model,
 )
 from pss.noise import IdentityNoise, NoiseModel
-from pss.steady_state import SMALLEST_INFORMATION_RATIO
+from pss.processes.steady_state import SMALLEST_INFORMATION_RATIO
 
 # SciPy's QZ algorithm on covariances of 1e-6 m² beside pixel variances of 10 keeps about nine digits of them.
 AGREES_WITH_SCIPY = 1e-7

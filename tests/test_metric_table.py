@@ -7,7 +7,7 @@ import warnings
 import pytest
 
 from pss import METRICS, PTZCamera, RangeError, evaluate
-from pss.metric_table import ENTRY_POINTS, STATUS_MEANING, Metric, MetricTable
+from pss.metric.table import ENTRY_POINTS, STATUS_MEANING, Metric, MetricTable
 
 CAMERAS = [PTZCamera((x, -4, 1), 0, 0).aimed_at((0, 0, 1)) for x in (-2, 2)]
 POINTS, NORMALS = [[0, 0, 1], [0.1, 0, 1]], [[0, -1, 0]] * 2

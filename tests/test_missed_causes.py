@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pss.legibility import WholeTarget, blur_modules, narrow_side_px
+from pss.visibility.targets import WholeTarget, blur_modules, narrow_side_px
 from render.estimated_light import estimated_appearance
 from scenes import load_scene
 from validate.assess import predict

@@ -15,10 +15,10 @@ from scipy.special import ndtr
 
 import pss
 from pss import Appearance, ImageSensor, Legible, PTZCamera, RangeError, Rectangle, ShapeError
-from pss.legibility import blur_modules
+from pss.cameras.views import Views
 from pss.noise.blur import edge_blur, sensors_of, way_across_px, way_px
 from pss.noise.factors import Defocus
-from pss.views import Views
+from pss.visibility.targets import blur_modules
 from render import backend, glow
 from render.light import solve_light
 from render.motion import moved

@@ -7,7 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pss.errors import RangeError, RiccatiError, ShapeError
-from pss.observability import (
+from pss.processes.process import ConstantAcceleration, ConstantVelocity, RandomWalk
+from pss.riccati.observability import (
     EIGENVALUE_ERROR,
     eigen_3x3,
     information_ratio,
@@ -16,8 +17,7 @@ from pss.observability import (
     observability_matrix,
     smallest_eigenvalue_3x3,
 )
-from pss.process import ConstantAcceleration, ConstantVelocity, RandomWalk
-from pss.riccati import steady_state_covariance
+from pss.riccati.solve import steady_state_covariance
 
 EPS = float(np.finfo(np.float64).eps)
 MODELS = [RandomWalk(), ConstantVelocity(1.0), ConstantAcceleration(1.0)]

@@ -8,8 +8,8 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from pss import Appearance, ImageSensor, PTZCamera, RangeError, ShapeError, evaluate, noise_model
+from pss.cameras.photometry import electrons_per_radiance
 from pss.noise import BrightnessContrast, NoiseModel
-from pss.photometry import electrons_per_radiance
 
 # The closed form is of an average tag, the pixels' of a mean over CODES random ones.
 CODES = 12

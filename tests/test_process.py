@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from pss import ConstantAcceleration, ConstantVelocity, LinearProcess, NonlinearProcess, PerPoint, RandomWalk
 from pss.errors import PSSError, RangeError, ShapeError
-from pss.process import ProcessModel
-from pss.riccati import steady_state_covariance_from_information
+from pss.processes.process import ProcessModel
+from pss.riccati.solve import steady_state_covariance_from_information
 
 # Relative, entry by entry: polynomials of at most five powers against a matrix exponential of moderate norm.
 SAME_TO_ROUNDING = 1e-12

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pss import GeometryError, PTZCamera, RangeError
-from pss.ptz import PTZLimits, fitting_zoom, follow, moved_towards, quantised
+from pss.cameras.motors import PTZLimits, fitting_zoom, follow, moved_towards, quantised
 
 # Share of the image's half width or height; an outline of 1,440 points comes this near to its own extremes.
 OUTLINE_SAMPLING = 1e-5

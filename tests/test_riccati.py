@@ -10,15 +10,15 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from pss.errors import PSSError, RangeError, RiccatiError, ShapeError
-from pss.process import ConstantAcceleration, ConstantVelocity, RandomWalk
-from pss.riccati import (
+from pss.processes.process import ConstantAcceleration, ConstantVelocity, RandomWalk
+from pss.riccati.methods import residuals
+from pss.riccati.solve import (
     measurement_information,
     posterior_covariance,
     riccati_residual,
     steady_state_covariance,
     steady_state_covariance_from_information,
 )
-from pss.riccati_methods import residuals
 
 METHODS = ["auto", "eigenstructure", "doubling", "scipy"]  # and "axes": test_riccati_axes.py
 EPS = float(np.finfo(np.float64).eps)

@@ -6,11 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pss.errors import RangeError, RiccatiError, ShapeError
-from pss.observability import information_ratio, smallest_eigenvalue_3x3
-from pss.process import ConstantAcceleration, ConstantVelocity, RandomWalk
-from pss.riccati import riccati_residual, steady_state_covariance_from_information
-from pss.riccati_axes import CHUNK, axis_blocks, axis_covariance, position_variance
-from pss.riccati_methods import symmetric_root
+from pss.processes.process import ConstantAcceleration, ConstantVelocity, RandomWalk
+from pss.riccati.axes import CHUNK, axis_blocks, axis_covariance, position_variance
+from pss.riccati.methods import symmetric_root
+from pss.riccati.observability import information_ratio, smallest_eigenvalue_3x3
+from pss.riccati.solve import riccati_residual, steady_state_covariance_from_information
 from tests.test_riccati import (
     EPS,
     ROUNDINGS,

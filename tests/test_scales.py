@@ -9,7 +9,7 @@ import pytest
 import scipy.stats
 
 from pss import Appearance, RandomWalk, evaluate, noise_model
-from pss.legibility import TARGET_VISIBILITY
+from pss.visibility.targets import TARGET_VISIBILITY
 from tests.made_up_run import made_up_run
 from tests.test_sweep_run import SCENE, SWEEP
 from validate.assess import predict

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from pss import noise_model
-from pss.legibility import TARGET_VISIBILITY
 from pss.noise.calibrated import Calibration
-from pss.visibility import VISIBILITY_TESTS
+from pss.visibility.points import VISIBILITY_TESTS
+from pss.visibility.targets import TARGET_VISIBILITY
 from scenes import SceneError, load_scene
 from validate.bank.command import run as bank
 from validate.bank.miscalibrated import without_effect

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from pss.camera import PTZCamera
+from pss.cameras.camera import PTZCamera
 from pss.errors import RangeError, ShapeError
-from pss.process import ConstantAcceleration, ConstantVelocity, RandomWalk
-from pss.riccati import posterior_covariance, steady_state_covariance
+from pss.processes.process import ConstantAcceleration, ConstantVelocity, RandomWalk
+from pss.riccati.solve import posterior_covariance, steady_state_covariance
 from validate.track import (
     FEWEST_AVERAGED_FRAMES,
     LONGEST_TIME_CONSTANT_FRAMES,

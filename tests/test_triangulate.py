@@ -6,7 +6,7 @@ import pytest
 import scipy.optimize
 import scipy.stats
 
-from pss.camera import PTZCamera
+from pss.cameras.camera import PTZCamera
 from pss.errors import PSSError, RangeError, ShapeError
 from validate.triangulate import BLUNDER_INFLATION, BLUNDER_TAIL, triangulate
 

@@ -17,7 +17,7 @@ from pss import (
     ShapeError,
     steady_state_covariance,
 )
-from pss.riccati import posterior_covariance
+from pss.riccati.solve import posterior_covariance
 from pss.surrogates import Cylinder, on_cylinder
 from validate.hallway.state import Avatar, Plan
 from validate.hallway.steering import steer

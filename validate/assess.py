@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import Appearance, Evaluation, PTZCamera, evaluate
-from pss.covariances import largest_standard_deviation, root_trace
+from pss.riccati.covariances import largest_standard_deviation, root_trace
 from scenes import Scene
 from validate.error_budget import propagated_errors
 from validate.errors3d import MeasuredErrors, measured_inverse_sigma, measured_pss

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from pss import Appearance, ImageSensor, NoiseModel, PTZCamera, RangeError
+from pss.cameras.views import Views
 from pss.noise import CALIBRATION_FACTORS, calibration_factor
-from pss.views import Views
 
 __all__ = [
     "Fitted",

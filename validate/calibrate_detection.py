@@ -1,4 +1,4 @@
-"""Fit the probability of detection (`pss.detection`) to who was found on training views.
+"""Fit the probability of detection (`pss.visibility.detection`) to who was found on training views.
 
 Only targets count that are in view as a whole with nothing before them: the rest is geometry and needs no fit. The
 trials of one render share nearly all that decides (of the pairs of view and marker in training, one in twenty is found
@@ -18,11 +18,11 @@ from scipy.optimize import minimize
 from scipy.special import expit
 
 from pss import ImageSensor, RangeError
-from pss.detection import DETECTION_PARTS, detection_features
-from pss.legibility import TARGET_VISIBILITY
+from pss.cameras.views import Views
 from pss.surrogates import Shape
-from pss.views import Views
-from pss.visibility import visible_in
+from pss.visibility.detection import DETECTION_PARTS, detection_features
+from pss.visibility.points import visible_in
+from pss.visibility.targets import TARGET_VISIBILITY
 
 __all__ = ["DetectionTrials", "FittedDetection", "detection_trials", "fit_detection", "log_loss"]
 
@@ -42,7 +42,7 @@ class DetectionTrials:
     """M pairs of view and whole marker.
 
     Attributes:
-        parts: as `pss.detection.detection_features` gives them, (4, M).
+        parts: as `pss.visibility.detection.detection_features` gives them, (4, M).
         rate: share of the trials in which the marker was found, (M,).
         weight: renders of the view, (M,).
         camera: name of the view's camera, (M,).

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import ImageSensor, RangeError
-from pss.legibility import TARGET_VISIBILITY, blur_modules, narrow_side_px
+from pss.cameras.views import Views
 from pss.surrogates import Shape
-from pss.views import Views
-from pss.visibility import visible_in
+from pss.visibility.points import visible_in
+from pss.visibility.targets import TARGET_VISIBILITY, blur_modules, narrow_side_px
 
 __all__ = ["FittedLimits", "fit_limits", "limits_of_targets", "whole_targets"]
 

@@ -28,9 +28,9 @@ import scipy.stats
 from numpy.typing import NDArray
 
 from pss import PTZCamera, RangeError
-from pss.camera import MAX_ABS_TILT_DEG
+from pss.cameras.camera import MAX_ABS_TILT_DEG
+from pss.cameras.views import Views
 from pss.noise import PixelCovariance
-from pss.views import Views
 from render.view import random_stream
 from validate.bank.measured import BankData
 from validate.triangulate import BLUNDER_INFLATION, BLUNDER_TAIL

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import METRICS, Evaluation
-from pss.metrics import CAMERAS_TO_OBSERVE
+from pss.metric.names import CAMERAS_TO_OBSERVE
 from validate.intervals import interval_with, kendall, oracle_regret, pearson_log, regret, weighted_spearman
 from validate.own_metrics import best_step, own_metrics
 from validate.replicates import SweepReplicates

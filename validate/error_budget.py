@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pss import Evaluation, PTZCamera
-from pss.covariances import from_six, largest_standard_deviation
-from pss.views import Views
+from pss.cameras.views import Views
+from pss.riccati.covariances import from_six, largest_standard_deviation
 from validate.errors3d import FEWEST_TRIALS, MeasuredErrors
 from validate.triangulate import SMALLEST_INFORMATION_RATIO, Triangulated, detection_weights
 

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import gammaln
 
-from pss.covariances import largest_standard_deviation, root_trace
 from pss.errors import RangeError, ShapeError
+from pss.riccati.covariances import largest_standard_deviation, root_trace
 
 __all__ = ["FEWEST_TRIALS", "MeasuredErrors", "inverse_sigma_bias", "measured_inverse_sigma", "measured_pss"]
 

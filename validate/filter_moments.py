@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pss.errors import ShapeError
-from pss.process import ProcessModel
-from pss.riccati import steady_state_covariance_from_information
+from pss.processes.process import ProcessModel
+from pss.riccati.solve import steady_state_covariance_from_information
 from validate.track import embedded, mean_over
 
 __all__ = ["steady_moments"]

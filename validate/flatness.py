@@ -23,7 +23,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pss.covariances import largest_standard_deviation
+from pss.riccati.covariances import largest_standard_deviation
 from validate.errors3d import MeasuredErrors, measured_inverse_sigma
 from validate.intervals import LEVEL
 

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pss.errors import RangeError
-from pss.process import ConstantVelocity, RandomWalk
+from pss.processes.process import ConstantVelocity, RandomWalk
 
 __all__ = ["STEPS_M", "Level", "headline_of", "levels_about", "nearest"]
 

@@ -21,10 +21,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pss.camera import PTZCamera, as_points
+from pss.cameras.camera import PTZCamera, as_points
 from pss.errors import RangeError, ShapeError
-from pss.process import ProcessModel
-from pss.riccati import posterior_covariance, steady_state_covariance_from_information
+from pss.processes.process import ProcessModel
+from pss.riccati.solve import posterior_covariance, steady_state_covariance_from_information
 from validate.triangulate import detection_weights
 
 __all__ = ["Tracked", "embedded", "mean_over", "track", "track_static", "trial_terms"]

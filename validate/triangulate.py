@@ -16,9 +16,9 @@ import numpy as np
 import scipy.stats
 from numpy.typing import ArrayLike, NDArray
 
-from pss.camera import PTZCamera
+from pss.cameras.camera import PTZCamera
+from pss.cameras.views import Cameras, Views
 from pss.errors import RangeError, ShapeError
-from pss.views import Cameras, Views
 
 __all__ = ["SMALLEST_INFORMATION_RATIO", "Triangulated", "detection_weights", "triangulate", "triangulated_points"]
 

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pss.cameras.photometry import ImageSensor
+from pss.cameras.views import Views
 from pss.noise.factors import of_camera
-from pss.photometry import ImageSensor
-from pss.views import Views
 
 __all__ = ["EdgeBlur", "edge_blur", "sensors_of", "still_variance_px2", "way_across_px", "way_px"]
 

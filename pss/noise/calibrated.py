@@ -35,6 +35,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from pss.cameras.photometry import ImageSensor
 from pss.errors import RangeError
 from pss.files import read_toml
 from pss.noise.factors import (
@@ -48,7 +49,6 @@ from pss.noise.factors import (
 )
 from pss.noise.photometric import BrightnessContrast
 from pss.noise.relative import ModuleSize, RelativeDefocus
-from pss.photometry import ImageSensor
 
 __all__ = [
     "CALIBRATION_FACTORS",
@@ -69,7 +69,7 @@ CALIBRATION_FACTORS = (
     "resolution",
 )
 CALIBRATION_LIMITS = ("smallest_module_px", "largest_blur_modules")
-# Of the probability of detection (`pss.detection`): from which value on, and below which, each is allowed.
+# Of the probability of detection (`pss.visibility.detection`): from which value on, and below which, each is allowed.
 DETECTION_COEFFICIENTS: Mapping[str, tuple[float, float]] = {
     "constant": (-math.inf, math.inf),
     "size": (0.0, math.inf),
@@ -120,7 +120,7 @@ class Calibration:
 
     Attributes:
         weights: by factor, of covariances (px² where the factor itself is a ratio).
-        limits: all of `CALIBRATION_LIMITS` (`pss.legibility.Legible`), or none.
+        limits: all of `CALIBRATION_LIMITS` (`pss.visibility.targets.Legible`), or none.
         detection: all of `DETECTION_COEFFICIENTS` (`pss.DetectionModel`), or none.
         scales: what the covariances of each of `SCALED_MODELS` are multiplied by to fit best, of all or of none.
     """

@@ -12,10 +12,10 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
+from pss.cameras.views import Views
 from pss.errors import RangeError, ShapeError
 from pss.inputs import number, numbers
 from pss.noise.covariance import PixelCovariance
-from pss.views import Views
 
 __all__ = [
     "DEFAULT_CCD_NOISE",

@@ -10,7 +10,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pss.camera import PTZCamera, as_points
+from pss.cameras.camera import PTZCamera, as_points
+from pss.cameras.photometry import Appearance, ImageSensor
+from pss.cameras.views import Views
 from pss.errors import RangeError, ShapeError
 from pss.inputs import members, number
 from pss.noise.calibrated import Calibration
@@ -26,8 +28,6 @@ from pss.noise.factors import (
     covariance_of,
 )
 from pss.noise.photometric import BrightnessContrast
-from pss.photometry import Appearance, ImageSensor
-from pss.views import Views
 
 __all__ = ["NOISE_MODELS", "NoiseModel", "noise_model"]
 

@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import erf
 
+from pss.cameras.photometry import Appearance, ImageSensor, electrons_per_radiance
+from pss.cameras.views import Views
 from pss.errors import RangeError
 from pss.noise.blur import EdgeBlur, edge_blur, sensors_of, still_variance_px2, way_px
 from pss.noise.covariance import PixelCovariance
-from pss.photometry import Appearance, ImageSensor, electrons_per_radiance
-from pss.views import Views
 
 __all__ = ["BrightnessContrast", "module_sides", "sides_e"]
 

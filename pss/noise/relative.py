@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pss.cameras.views import Views
 from pss.errors import RangeError
 from pss.noise.covariance import PixelCovariance
 from pss.noise.photometric import module_sides
-from pss.views import Views
 
 __all__ = ["ModuleSize", "RelativeDefocus"]
 

@@ -14,7 +14,7 @@ as A-optimality, the worst diagonal nearly as E-optimality; those of a volume an
 
 from __future__ import annotations
 
-from pss.metric_table import Metric
+from pss.metric.table import Metric
 from pss.rivals.ablations import ABLATIONS
 from pss.rivals.angles import ANGLE_METRICS
 from pss.rivals.covariance import COVARIANCE_METRICS

@@ -13,9 +13,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from pss.covariances import from_six, to_six
-from pss.evaluation import Evaluation
-from pss.metric_table import Metric
+from pss.metric.evaluation import Evaluation
+from pss.metric.table import Metric
 from pss.noise import (
     BrightnessContrast,
     Defocus,
@@ -26,8 +25,9 @@ from pss.noise import (
     Resolution,
     Weighted,
 )
+from pss.processes.steady_state import solve
+from pss.riccati.covariances import from_six, to_six
 from pss.rivals.covariance import PIXEL_VARIANCE_PX2
-from pss.steady_state import solve
 
 __all__ = ["ABLATIONS", "evaluation_with", "own_factor"]
 

@@ -7,10 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from pss.evaluation import Evaluation
-from pss.metric_table import Metric
+from pss.metric.evaluation import Evaluation
+from pss.metric.table import Metric
+from pss.processes.steady_state import SMALLEST_INFORMATION_RATIO
 from pss.rivals.shared import Pairs, both_conventions, view_pairs
-from pss.steady_state import SMALLEST_INFORMATION_RATIO
 
 __all__ = [
     "ANGLE_METRICS",

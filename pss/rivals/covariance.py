@@ -11,10 +11,10 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from pss.covariances import from_six, to_six
-from pss.evaluation import Evaluation
-from pss.metric_table import Metric
+from pss.metric.evaluation import Evaluation
+from pss.metric.table import Metric
 from pss.noise import IdentityNoise, NoiseModel
+from pss.riccati.covariances import from_six, to_six
 from pss.rivals.shared import both_conventions, directions, known
 
 __all__ = [

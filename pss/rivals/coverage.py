@@ -7,11 +7,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from pss.evaluation import Evaluation
-from pss.expected import probability_of_at_least
-from pss.metric_table import Metric
+from pss.cameras.views import Views
+from pss.metric.evaluation import Evaluation
+from pss.metric.table import Metric
 from pss.rivals.shared import directions
-from pss.views import Views
+from pss.visibility.expected import probability_of_at_least
 
 __all__ = [
     "COVERAGE_METRICS",

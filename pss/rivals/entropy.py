@@ -7,9 +7,9 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
-from pss.covariances import to_six
-from pss.evaluation import Evaluation
-from pss.metric_table import Metric
+from pss.metric.evaluation import Evaluation
+from pss.metric.table import Metric
+from pss.riccati.covariances import to_six
 from pss.rivals.covariance import PRIOR_SIGMA_M
 from pss.rivals.shared import camera_six
 

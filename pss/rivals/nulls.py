@@ -7,9 +7,9 @@ import hashlib
 
 import numpy as np
 
-from pss.camera import PTZCamera
-from pss.evaluation import Evaluation
-from pss.metric_table import Metric
+from pss.cameras.camera import PTZCamera
+from pss.metric.evaluation import Evaluation
+from pss.metric.table import Metric
 
 __all__ = ["NULL_METRICS", "arbitrary", "mean_distance_m", "pixels_per_mm"]
 

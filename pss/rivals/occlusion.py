@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pss.evaluation import Evaluation
-from pss.metric_table import Metric
+from pss.metric.evaluation import Evaluation
+from pss.metric.table import Metric
 from pss.rivals.angles import triangulable
 from pss.rivals.shared import camera_six, directions, largest_sigma_m, view_pairs
 

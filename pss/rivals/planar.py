@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pss.evaluation import Evaluation
-from pss.metric_table import Metric
+from pss.metric.evaluation import Evaluation
+from pss.metric.table import Metric
+from pss.processes.steady_state import SMALLEST_INFORMATION_RATIO
 from pss.rivals.occlusion import VERTICAL
 from pss.rivals.shared import both_conventions, directions, view_pairs
-from pss.steady_state import SMALLEST_INFORMATION_RATIO
 
 __all__ = ["PLANAR_METRICS", "planar_variance_m2", "planar_weights"]
 

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pss.covariances import to_six
-from pss.evaluation import Evaluation
-from pss.metric_table import Metric, Status
-from pss.steady_state import resolvable
+from pss.metric.evaluation import Evaluation
+from pss.metric.table import Metric, Status
+from pss.processes.steady_state import resolvable
+from pss.riccati.covariances import to_six
 
 __all__ = ["Pairs", "both_conventions", "camera_six", "directions", "known", "largest_sigma_m", "view_pairs"]
 

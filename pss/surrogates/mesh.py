@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pss.camera import as_points
+from pss.cameras.camera import as_points
 from pss.errors import GeometryError, MissingLibraryError, RangeError, ShapeError
 from pss.inputs import place, plain
 from pss.surrogates._checks import check_positive, turn_about_z

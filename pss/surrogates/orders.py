@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pss.camera import as_points
+from pss.cameras.camera import as_points
 from pss.errors import RangeError, ShapeError
 from pss.surrogates._checks import check_count
 

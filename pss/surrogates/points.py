@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pss.camera import as_points
+from pss.cameras.camera import as_points
 from pss.errors import GeometryError, RangeError, ShapeError
 from pss.inputs import labels, members, place
 from pss.surrogates._checks import turn_about_z

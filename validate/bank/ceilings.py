@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import NoiseModel
-from pss.covariances import root_trace
-from pss.views import Views
-from pss.visibility import VisibilityTest
+from pss.cameras.views import Views
+from pss.riccati.covariances import root_trace
+from pss.visibility.points import VisibilityTest
 from validate.acquire import Acquired
 from validate.bank.consistency import of_errors, pooled_spearman, root_trace_of
 from validate.bank.design import ViewBank

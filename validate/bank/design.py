@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import PTZCamera, RangeError
-from pss.camera import MAX_ABS_TILT_DEG
+from pss.cameras.camera import MAX_ABS_TILT_DEG
 from render.sampling import Sampling
 from render.view import random_stream
 from scenes import Scene

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import DetectionModel
-from pss.legibility import TARGET_VISIBILITY
-from pss.views import Views
-from pss.visibility import VisibilityTest, visible_in
+from pss.cameras.views import Views
+from pss.visibility.points import VisibilityTest, visible_in
+from pss.visibility.targets import TARGET_VISIBILITY
 from validate.acquire import Acquired
 from validate.bank.consistency import crossed_mean
 from validate.bank.design import ViewBank

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pss.covariances import largest_standard_deviation
-from pss.process import ProcessModel
+from pss.processes.process import ProcessModel
+from pss.riccati.covariances import largest_standard_deviation
 from render.view import random_stream
 from validate.bank.measured import BankData, ConfigurationErrors
 from validate.bank.workers import workers_context

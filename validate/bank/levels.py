@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import NoiseModel
-from pss.views import Views
+from pss.cameras.views import Views
 from validate.acquire import Acquired
 from validate.bank.consistency import anisotropy, of_errors, of_moments, pooled_spearman, root_trace_of, sandwich
 from validate.bank.design import ViewBank

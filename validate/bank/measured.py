@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import PTZCamera
-from pss.process import ProcessModel
+from pss.processes.process import ProcessModel
 from validate.bank.workers import workers_context
 from validate.errors3d import MeasuredErrors
 from validate.filter_moments import steady_moments

@@ -9,9 +9,9 @@ from typing import Annotated, Literal
 import tyro
 from rich.table import Table
 
+from pss.cameras.views import Views
 from pss.json_text import json_text
-from pss.views import Views
-from pss.visibility import visible_in
+from pss.visibility.points import visible_in
 from render import backend
 from render.view import random_stream
 from scenes import Scene, load_scene

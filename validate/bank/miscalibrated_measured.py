@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pss.covariances import largest_standard_deviation, root_trace
-from pss.views import Views
+from pss.cameras.views import Views
+from pss.riccati.covariances import largest_standard_deviation, root_trace
 from validate.bank.measured import BankData, measure_all
 from validate.bank.miscalibrated_prediction import inverse_where_known, second_moments
 from validate.errors3d import measured_inverse_sigma

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import NoiseModel
-from pss.covariances import largest_standard_deviation, root_trace
+from pss.cameras.views import Views
 from pss.noise import PixelCovariance
-from pss.steady_state import SMALLEST_INFORMATION_RATIO
-from pss.views import Views
+from pss.processes.steady_state import SMALLEST_INFORMATION_RATIO
+from pss.riccati.covariances import largest_standard_deviation, root_trace
 from validate.calibration_error import CalibrationNoise, CalibrationSizes
 
 __all__ = ["PredictedErrors", "Predictions", "inverse_sigma", "second_moments"]

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import METRICS, Appearance, DetectionModel, Evaluation, NoiseModel, PTZCamera, evaluate_many
+from pss.cameras.views import Views
 from pss.noise.covariance import PixelCovariance
-from pss.process import ProcessModel
+from pss.processes.process import ProcessModel
 from pss.surrogates import Shape
-from pss.views import Views
-from pss.visibility import VISIBILITY_TESTS, VisibilityTest, visible_in
+from pss.visibility.points import VISIBILITY_TESTS, VisibilityTest, visible_in
 from validate.bank.workers import workers_context
 
 __all__ = ["Contender", "GivenCovariance", "GivenVisibility", "Predicted", "PredictionTask", "predict_all"]

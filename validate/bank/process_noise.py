@@ -11,11 +11,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pss.metrics import CAMERAS_TO_OBSERVE
-from pss.process import ProcessModel
-from pss.riccati import posterior_covariance, steady_state_covariance_from_information
-from pss.riccati_axes import axis_blocks, position_variance
-from pss.steady_state import of_state
+from pss.metric.names import CAMERAS_TO_OBSERVE
+from pss.processes.process import ProcessModel
+from pss.processes.steady_state import of_state
+from pss.riccati.axes import axis_blocks, position_variance
+from pss.riccati.solve import posterior_covariance, steady_state_covariance_from_information
 from render.view import random_stream
 from validate.acquire import Acquired
 from validate.bank.design import ViewBank, draw_configurations

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from pss import NoiseModel, noise_model
-from pss.visibility import VisibilityTest
+from pss.visibility.points import VisibilityTest
 from scenes import Scene
 from validate.acquire import Acquired
 from validate.bank.design import ViewBank

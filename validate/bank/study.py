@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import METRICS, Appearance, DetectionModel, NoiseModel
+from pss.cameras.views import Views
 from pss.json_text import json_text
-from pss.legibility import TARGET_VISIBILITY, within_limits
 from pss.noise import CALIBRATION_FACTORS, SCALED_MODELS, Calibration
-from pss.views import Views
-from pss.visibility import VISIBILITY_TESTS, VisibilityTest
+from pss.visibility.points import VISIBILITY_TESTS, VisibilityTest
+from pss.visibility.targets import TARGET_VISIBILITY, within_limits
 from render.view import random_stream, state_key
 from scenes import Scene, SceneError
 from validate.acquire import Acquired

@@ -9,16 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import Evaluation
-from pss.legibility import (
+from pss.cameras.photometry import electrons_per_radiance
+from pss.cameras.views import Views
+from pss.noise.photometric import sides_e
+from pss.visibility.targets import (
     LEAST_CONTRAST_OVER_NOISE,
     WholeTarget,
     blur_modules,
     contrast_over_noise,
     narrow_side_px,
 )
-from pss.noise.photometric import sides_e
-from pss.photometry import electrons_per_radiance
-from pss.views import Views
 from render.estimated_light import estimated_appearance
 from render.exposure import choose_exposure
 from scenes import Scene
@@ -65,7 +65,7 @@ class Foreseen:
         depth_m: m along the camera's axis.
         white_share: of the saturation, what the white of the marker reaches on the axis.
         white_e: electrons of the marker's white, at most what saturates.
-        contrast: of white and black over the noise of one capture (`pss.legibility.contrast_over_noise`).
+        contrast: of white and black over the noise of one capture (`pss.visibility.targets.contrast_over_noise`).
         irradiance_w_per_m2: W/m² on the marker, of the light that the camera sees it in.
     """
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pss.legibility import LEAST_CONTRAST_OVER_NOISE
+from pss.visibility.targets import LEAST_CONTRAST_OVER_NOISE
 from validate.check.foreseen import ENOUGH, LARGEST_BLUR_MODULES, SMALLEST_MODULE_PX, Foreseen
 from validate.darkness import dark_words, light_words
 from validate.own_metrics import failures_of

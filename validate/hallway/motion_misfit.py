@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pss import ConstantVelocity, ShapeError
-from pss.camera import as_points
+from pss.cameras.camera import as_points
 from validate.hallway.walk_consistency import group_masks
 
 __all__ = ["misfit_rows", "motion_misfit"]

@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import Evaluation, PTZCamera
-from pss.covariances import largest_standard_deviation
 from pss.errors import RangeError
-from pss.process import ConstantVelocity, ProcessModel
-from pss.riccati_axes import axis_blocks, position_variance
+from pss.processes.process import ConstantVelocity, ProcessModel
+from pss.riccati.axes import axis_blocks, position_variance
+from pss.riccati.covariances import largest_standard_deviation
 from validate.assess import Measured
 from validate.errors3d import measured_inverse_sigma
 from validate.filter_moments import steady_moments

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pss import ConstantVelocity, evaluate
 from pss.errors import RangeError
 from pss.noise import Calibration
-from pss.own_process import LinearProcess
+from pss.processes.own_process import LinearProcess
 from render.view import state_key
 from scenes import Scene
 from scenes.schedule_file import ScheduleFile

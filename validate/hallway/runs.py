@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from pss import PTZCamera
-from pss.ptz_limits import PTZLimits
+from pss.cameras.motor_limits import PTZLimits
 from render.sampling import Sampling
 from scenes import Scene
 from scenes.schedule_file import MotorsSpec, ScheduleFile, TrackingSpec

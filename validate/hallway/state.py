@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import PTZCamera, RangeError, ShapeError, evaluate_many
+from pss.cameras.motors import PTZLimits, follow, moved_towards
 from pss.noise import NoiseModel
-from pss.process import require_positive
-from pss.ptz import PTZLimits, follow, moved_towards
-from pss.steady_state import Process
+from pss.processes.process import require_positive
+from pss.processes.steady_state import Process
 from pss.surrogates import Box, Cylinder, Mesh, Shape, Surrogate
 from scenes.errors import nearest
 

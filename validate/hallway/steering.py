@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import PTZCamera, RangeError
-from pss.ptz import follow, moved_towards, quantised
+from pss.cameras.motors import follow, moved_towards, quantised
 from validate.hallway.state import Assignment, Plan, StrategyState
 from validate.hallway.strategies import Strategy
 from validate.hallway.tracker import Measure, Track, Tracking, noisy_positions

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import ConstantVelocity, RangeError, ShapeError
-from pss.process import require_positive
+from pss.processes.process import require_positive
 from render.view import random_stream
 
 __all__ = ["Measure", "Track", "Tracking", "noisy_positions"]

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import PTZCamera, RangeError
+from pss.cameras.motors import fitting_zoom
+from pss.cameras.views import Views
 from pss.noise import CALIBRATION_FACTORS, SCALED_MODELS, Calibration
-from pss.ptz import fitting_zoom
-from pss.views import Views
 from render.view import random_stream, state_key
 from scenes import Scene
 from scenes.schedule_file import ScheduleFile

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from pss import RangeError, ShapeError
-from pss.camera import as_points
+from pss.cameras.camera import as_points
 from render.state import Marker
 from scenes.avatar import Stance, avatar_frames
 from scenes.suit import ids_on

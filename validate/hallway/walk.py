@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pss.camera import as_points
+from pss.cameras.camera import as_points
 from pss.errors import GeometryError, RangeError, ShapeError
-from pss.process import require_positive
+from pss.processes.process import require_positive
 
 __all__ = ["Passing", "Walk", "passing"]
 

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pss.camera import as_points
+from pss.cameras.camera import as_points
 from pss.errors import RangeError, ShapeError
 from validate.bank.consistency import Consistency, crossed_mean, of_errors
 from validate.bank.ranking import Resamples

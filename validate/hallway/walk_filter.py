@@ -16,9 +16,9 @@ import scipy.stats
 from numpy.typing import ArrayLike, NDArray
 
 from pss import PTZCamera, RangeError, ShapeError
-from pss.covariances import largest_standard_deviation
-from pss.process import ProcessModel, require_positive
-from pss.views import Cameras, Views
+from pss.cameras.views import Cameras, Views
+from pss.processes.process import ProcessModel, require_positive
+from pss.riccati.covariances import largest_standard_deviation
 from validate.triangulate import NEAREST_M, VIEWS_TO_TRIANGULATE, detection_weights, triangulate
 
 __all__ = ["WalkFiltering", "WalkTracks", "track_walk"]

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pss.errors import RangeError, ShapeError
-from pss.process import ProcessModel, require_positive
-from pss.riccati import posterior_covariance, require_semidefinite
-from pss.steady_state import SMALLEST_INFORMATION_RATIO, of_state
+from pss.processes.process import ProcessModel, require_positive
+from pss.processes.steady_state import SMALLEST_INFORMATION_RATIO, of_state
+from pss.riccati.solve import posterior_covariance, require_semidefinite
 from validate.hallway.walk_filter import STATES
 
 __all__ = ["riccati_along"]

@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 from scipy.stats import qmc
 
 from pss import Appearance, ImageSensor, PTZCamera, Rectangle, noise_model
-from pss.photometry import electrons_per_radiance
+from pss.cameras.photometry import electrons_per_radiance
 from render import glow
 from render.light import solve_light
 from render.markers import predefined_dictionary

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pss.legibility import LEAST_CONTRAST_OVER_NOISE
+from pss.visibility.targets import LEAST_CONTRAST_OVER_NOISE
 from validate.errors3d import FEWEST_TRIALS
 from validate.findings.tables import Row
 from validate.optimum import FLAT

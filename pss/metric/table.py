@@ -14,10 +14,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pss.camera import PTZCamera
+from pss.cameras.camera import PTZCamera
 from pss.errors import RangeError
-from pss.evaluation import Evaluation
-from pss.metric import evaluate
+from pss.metric.evaluate import evaluate
+from pss.metric.evaluation import Evaluation
 
 __all__ = ["ENTRY_POINTS", "Metric", "MetricTable"]
 

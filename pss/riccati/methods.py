@@ -1,7 +1,8 @@
-"""The numerical methods for Eq. 4 behind `pss.riccati`, which checks the arguments, chooses and judges the result.
+"""The numerical methods for Eq. 4 behind `pss.riccati.solve`, which checks arguments, chooses and judges the result.
 
 Nothing here refuses anything: each method returns P and, for each reason to fail, which systems of the batch it hit.
-The matrices are those of `pss.riccati`: A, Q and the information J = HᵀR⁻¹H, all (..., n, n) or a flat batch (N, n, n).
+The matrices are those of `pss.riccati.solve`: A, Q and the information J = HᵀR⁻¹H, all (..., n, n) or a flat batch (N,
+n, n).
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from pss.observability import RANK_TOLERANCE, undetectable
+from pss.riccati.observability import RANK_TOLERANCE, undetectable
 
 __all__ = [
     "EPS",

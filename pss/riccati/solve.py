@@ -4,7 +4,7 @@ Eq. 4 needs the measurements only through their information J = HᵀR⁻¹H, whi
 reads P = A P⁺ Aᵀ + Q with P⁺ = (P⁻¹ + J)⁻¹. All arrays have leading batch axes that broadcast against each other.
 
 This is the door: it checks the arguments, chooses the method and judges the result. The methods themselves are in
-`pss.riccati_methods`, and in `pss.riccati_axes` where the three axes move alike.
+`pss.riccati.methods`, and in `pss.riccati.axes` where the three axes move alike.
 """
 
 from __future__ import annotations
@@ -14,11 +14,12 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pss import riccati_axes, riccati_methods
 from pss.errors import RangeError, RiccatiError, ShapeError
 from pss.inputs import numbers
-from pss.observability import eigen_3x3
-from pss.riccati_methods import RANK_TOLERANCE, REFUSE_ABOVE, Failures, Floats, transpose
+from pss.riccati import axes as riccati_axes
+from pss.riccati import methods
+from pss.riccati.methods import RANK_TOLERANCE, REFUSE_ABOVE, Failures, Floats, transpose
+from pss.riccati.observability import eigen_3x3
 
 __all__ = [
     "measurement_information",
@@ -53,7 +54,7 @@ def steady_state_covariance(
         R: measurement noise covariance, block-diagonal over the cameras (Eq. 5), (..., m, m), positive definite
         method: ``eigenstructure`` (MacFarlane–Potter–Fath, Eqs. 6–8; A must be invertible), ``doubling`` (structure-
             preserving doubling; (A, Q) must be stabilisable), ``scipy`` (a loop over ``solve_discrete_are``), ``axes``
-            (A = A₀ ⊗ I₃ and Q = Q₀ ⊗ I₃ without batch axes, positions measured alone: `pss.riccati_axes`) or ``auto``:
+            (A = A₀ ⊗ I₃ and Q = Q₀ ⊗ I₃ without batch axes, positions measured alone: `pss.riccati.axes`) or ``auto``:
             the fastest that is safe, which is ``axes`` or another closed form where A = I and Q = qI, else ``axes``
             where it may, else ``doubling``. All but ``eigenstructure`` take a singular A
         unsolvable: ``raise``, or ``nan`` to fill the systems without a solution with nan
@@ -128,7 +129,7 @@ def posterior_covariance(P: ArrayLike, J: ArrayLike) -> Floats:
     _batch_shape(P=prior, J=information)
     require_semidefinite("P", prior)
     require_semidefinite("J", information)
-    return riccati_methods.posterior(prior, information)
+    return methods.posterior(prior, information)
 
 
 def riccati_residual(A: ArrayLike, Q: ArrayLike, J: ArrayLike, P: ArrayLike) -> Floats:
@@ -147,7 +148,7 @@ def riccati_residual(A: ArrayLike, Q: ArrayLike, J: ArrayLike, P: ArrayLike) -> 
     _batch_shape(A=transition, Q=noise, J=information, P=prior)
     require_semidefinite("P", prior)
     require_semidefinite("J", information)
-    return riccati_methods.residuals(transition, noise, information, prior)[0]
+    return methods.residuals(transition, noise, information, prior)[0]
 
 
 def _solve(
@@ -184,7 +185,7 @@ def _solve(
     failed = np.broadcast_to(np.logical_or.reduce(np.broadcast_arrays(*failures.values())), batch)
     if failed.any():
         if unsolvable == "raise":
-            raise RiccatiError(riccati_methods.failure_message(failed, failures, error))
+            raise RiccatiError(methods.failure_message(failed, failures, error))
         P[failed] = np.nan
     return P
 
@@ -212,7 +213,7 @@ def _by_closed_form(step_variance: Floats, J: Floats) -> tuple[Floats, Failures,
     _require_symmetric("J", J)
     information, axes = np.linalg.eigh(J)
     _refuse_negative("J", information)
-    return *riccati_methods.random_walk(step_variance, information, axes), np.zeros(())
+    return *methods.random_walk(step_variance, information, axes), np.zeros(())
 
 
 def _by_matrix(
@@ -221,25 +222,25 @@ def _by_matrix(
     """The same by one of the methods on whole matrices."""
     require_semidefinite("J", J)
     batch, states = _batch_shape(A=A, Q=Q, J=J), A.shape[-1]
-    undetectable = riccati_methods.undetectable(A, J)
+    undetectable = methods.undetectable(A, J)
     flat_A, flat_Q, flat_J = (np.broadcast_to(x, batch + x.shape[-2:]).reshape(-1, states, states) for x in (A, Q, J))
     if method == "scipy":
         if measurement is None:
             # whitened measurements with J as their information
-            measurement = riccati_methods.symmetric_root(J), np.eye(states)
+            measurement = methods.symmetric_root(J), np.eye(states)
         H, R = (np.broadcast_to(x, batch + x.shape[-2:]).reshape(-1, *x.shape[-2:]) for x in measurement)
-        P, failures = riccati_methods.scipy_loop(flat_A, flat_Q, H, R)
+        P, failures = methods.scipy_loop(flat_A, flat_Q, H, R)
     else:
-        solver = riccati_methods.eigenstructure if method == "eigenstructure" else riccati_methods.doubling
+        solver = methods.eigenstructure if method == "eigenstructure" else methods.doubling
         P, failures = solver(flat_A, flat_Q, flat_J)
     if method in ("eigenstructure", "scipy"):
-        P, error = riccati_methods.refined(flat_A, flat_Q, flat_J, P)
+        P, error = methods.refined(flat_A, flat_Q, flat_J, P)
     else:
-        error = riccati_methods.residuals(A, Q, J, P.reshape(batch + (states, states)))[1]
+        error = methods.residuals(A, Q, J, P.reshape(batch + (states, states)))[1]
     P, error = P.reshape(batch + (states, states)), error.reshape(batch)
     failures = {"not detectable": undetectable} | {reason: mask.reshape(batch) for reason, mask in failures.items()}
     # Written so that nan counts as refused.
-    return P, failures | {riccati_methods.REFUSED: ~(error <= REFUSE_ABOVE)}, error
+    return P, failures | {methods.REFUSED: ~(error <= REFUSE_ABOVE)}, error
 
 
 def _array(name: str, value: ArrayLike) -> Floats:

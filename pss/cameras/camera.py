@@ -18,10 +18,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pss.distortion import undistorted
+from pss.cameras.distortion import undistorted
+from pss.cameras.views import Views
 from pss.errors import GeometryError, RangeError, ShapeError
 from pss.inputs import number, numbers, place, row
-from pss.views import Views
 
 __all__ = ["PTZCamera", "as_points"]
 

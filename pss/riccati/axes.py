@@ -18,8 +18,7 @@ from numpy.typing import ArrayLike
 
 from pss.errors import RangeError, RiccatiError, ShapeError
 from pss.inputs import numbers
-from pss.observability import undetectable
-from pss.riccati_methods import (
+from pss.riccati.methods import (
     EPS,
     MAX_DOUBLINGS,
     NO_CONVERGENCE,
@@ -32,7 +31,8 @@ from pss.riccati_methods import (
     Floats,
     failure_message,
 )
-from pss.small_matrices import AT, Entry, Matrix, Symmetric, adjugate, congruent, cross, full, product, trace
+from pss.riccati.observability import undetectable
+from pss.riccati.small_matrices import AT, Entry, Matrix, Symmetric, adjugate, congruent, cross, full, product, trace
 
 __all__ = ["axis_blocks", "axis_covariance", "position_variance", "three_axes"]
 
@@ -94,7 +94,7 @@ def position_variance(
 ) -> Floats:
     """m², a-priori variance of the position in the steady state, (M,): entry (0, 0) of `axis_covariance`.
 
-    At the smallest eigenvalue of J₃ (`pss.observability.smallest_eigenvalue_3x3`) it is σ∞² of Eq. 9.
+    At the smallest eigenvalue of J₃ (`pss.riccati.observability.smallest_eigenvalue_3x3`) it is σ∞² of Eq. 9.
 
     Raises:
         ShapeError, RangeError, RiccatiError: as `axis_covariance`
@@ -194,7 +194,7 @@ def _one_state(a: float, q: float, j: Floats) -> tuple[list[Floats], Failures, F
 
 
 def _doubling(A: Floats, Q: Floats, j: Floats) -> tuple[Symmetric, BoolArray]:
-    """Structure-preserving doubling as in `pss.riccati_methods.doubling`, and where it converged, (M,)."""
+    """Structure-preserving doubling as in `pss.riccati.methods.doubling`, and where it converged, (M,)."""
     d = len(A)
     upper = [(i, k) for i in range(d) for k in range(i, d)]
     # The first doubling by hand, with G of rank one and all else numbers: (I + GQ)⁻¹ = I − weight · e (Qe)ᵀ.
@@ -259,7 +259,7 @@ def _doubled(
 
 
 def _error(A: Floats, Q: Floats, j: Floats, P: Symmetric) -> Floats:
-    """Relative error of P that the residual of Eq. 4 allows, (M,), as `pss.riccati_methods.residuals` has it."""
+    """Relative error of P that the residual of Eq. 4 allows, (M,), as `pss.riccati.methods.residuals` has it."""
     d = len(A)
     upper = [(i, k) for i in range(d) for k in range(i, d)]
     shrink = j / (1 + j * P[0])

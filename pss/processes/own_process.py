@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from pss.errors import RangeError, ShapeError
 from pss.inputs import members, numbers, plain
-from pss.process import AXES, ProcessModel, require_positive
-from pss.riccati import require_semidefinite
+from pss.processes.process import AXES, ProcessModel, require_positive
+from pss.riccati.solve import require_semidefinite
 
 __all__ = ["LinearProcess", "NonlinearProcess", "PerPoint"]
 

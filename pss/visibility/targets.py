@@ -1,6 +1,6 @@
 """A target is found as a whole or not at all: what it takes besides a line of sight to its centre.
 
-The paper's points are visible if the camera sees them (section 4.1; `pss.visibility`). A marker is more than its
+The paper's points are visible if the camera sees them (section 4.1; `pss.visibility.points`). A marker is more than its
 centre: it must be in view with its outline, nothing may stand before any part of it, and its modules must be large,
 sharp and bright enough to be told apart. The first two are geometry; the limits of the third belong to a detector.
 Those of size and blur are fitted (`Calibration.limits`), that of contrast over noise was measured on drawn markers.
@@ -15,14 +15,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from pss.cameras.photometry import Appearance, ImageSensor
+from pss.cameras.views import Views
 from pss.errors import RangeError
 from pss.noise.blur import DIAMETERS_PER_SIGMA, SQUARED_LENGTHS_PER_VARIANCE, sensors_of, way_across_px, way_px
 from pss.noise.calibrated import Calibration
 from pss.noise.photometric import module_sides, sides_e
-from pss.photometry import Appearance, ImageSensor
 from pss.surrogates import Shape, any_blocks
-from pss.views import Views
-from pss.visibility import CLEARANCE_M, VISIBILITY_TESTS, VisibilityTest
+from pss.visibility.points import CLEARANCE_M, VISIBILITY_TESTS, VisibilityTest
 
 __all__ = [
     "LEAST_CONTRAST_OVER_NOISE",

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pss.camera import MAX_ABS_TILT_DEG, PTZCamera
-from pss.ptz_limits import FULL_TURN_DEG, SLACK_STEPS, PTZLimits, number, refuse
+from pss.cameras.camera import MAX_ABS_TILT_DEG, PTZCamera
+from pss.cameras.motor_limits import FULL_TURN_DEG, SLACK_STEPS, PTZLimits, number, refuse
 
 __all__ = ["PTZLimits", "fitting_zoom", "follow", "moved_towards", "quantised"]
 

@@ -8,23 +8,23 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pss.camera import PTZCamera, as_points
-from pss.covariances import largest_standard_deviation, to_six
-from pss.detection import DetectionModel
+from pss.cameras.camera import PTZCamera, as_points
+from pss.cameras.photometry import Appearance
+from pss.cameras.views import Cameras, Views
 from pss.errors import RangeError, ShapeError
-from pss.evaluation import Evaluation, Evaluations, Task
-from pss.expected import expected
 from pss.inputs import members
-from pss.legibility import TARGET_VISIBILITY
+from pss.metric.evaluation import Evaluation, Evaluations, Task
+from pss.modalities.sensors import Sensor
 from pss.noise import NoiseModel, noise_model
-from pss.photometry import Appearance
-from pss.process import RandomWalk
-from pss.riccati import measurement_information
-from pss.sensors import Sensor
-from pss.steady_state import Process, as_groups, solve
+from pss.processes.process import RandomWalk
+from pss.processes.steady_state import Process, as_groups, solve
+from pss.riccati.covariances import largest_standard_deviation, to_six
+from pss.riccati.solve import measurement_information
 from pss.surrogates import Shape
-from pss.views import Cameras, Views
-from pss.visibility import VISIBILITY_TESTS, VisibilityTest, visible_in
+from pss.visibility.detection import DetectionModel
+from pss.visibility.expected import expected
+from pss.visibility.points import VISIBILITY_TESTS, VisibilityTest, visible_in
+from pss.visibility.targets import TARGET_VISIBILITY
 
 __all__ = ["evaluate", "evaluate_many"]
 
@@ -70,8 +70,8 @@ def evaluate(
         sensors: other modalities, whose measurements join the cameras' batch.
         visibility: the tests that a point must pass to be seen by a camera.
         detection: the probability with which a camera finds what it sees (`pss.detection_model`). PSS, C and P∞ then
-            count which cameras find a point (`pss.expected`), and the default of `visibility` is the whole target. If
-            None, what is seen is found.
+            count which cameras find a point (`pss.visibility.expected`), and the default of `visibility` is the whole
+            target. If None, what is seen is found.
 
     Raises:
         ShapeError, RangeError: wrong shapes, values or normals; a noise model's R that is not positive definite.

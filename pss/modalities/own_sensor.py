@@ -1,4 +1,4 @@
-"""A sensor of one's own by its measurement function, beside those of `pss.sensors`."""
+"""A sensor of one's own by its measurement function, beside those of `pss.modalities.sensors`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pss.camera import as_points
+from pss.cameras.camera import as_points
 from pss.errors import ShapeError
 from pss.inputs import numbers
 from pss.surrogates import Shape

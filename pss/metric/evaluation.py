@@ -10,17 +10,17 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from pss.camera import PTZCamera
-from pss.covariances import from_six, largest_standard_deviation, mean_inverse_sigma, root_trace
-from pss.expected import Expected
+from pss.cameras.camera import PTZCamera
+from pss.cameras.photometry import Appearance
+from pss.cameras.views import Views
+from pss.modalities.sensors import Sensor
 from pss.noise import NoiseModel
-from pss.photometry import Appearance
-from pss.process import ProcessModel
-from pss.riccati import posterior_covariance
-from pss.sensors import Sensor
-from pss.steady_state import of_state, prior_covariance
+from pss.processes.process import ProcessModel
+from pss.processes.steady_state import of_state, prior_covariance
+from pss.riccati.covariances import from_six, largest_standard_deviation, mean_inverse_sigma, root_trace
+from pss.riccati.solve import posterior_covariance
 from pss.surrogates import Shape
-from pss.views import Views
+from pss.visibility.expected import Expected
 
 __all__ = ["Evaluation", "Evaluations", "Task"]
 

@@ -17,7 +17,7 @@ from pss.errors import RangeError, ShapeError
 from pss.inputs import numbers
 
 if TYPE_CHECKING:
-    from pss.camera import PTZCamera
+    from pss.cameras.camera import PTZCamera
 
 __all__ = ["Appearance", "ImageSensor", "electrons_per_radiance"]
 

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from pss.covariances import COLUMNS, ROWS
-from pss.distortion import fold_radius, stretch
-from pss.photometry import Appearance
+from pss.cameras.distortion import fold_radius, stretch
+from pss.cameras.photometry import Appearance
+from pss.riccati.covariances import COLUMNS, ROWS
 
 if TYPE_CHECKING:
-    from pss.camera import PTZCamera
+    from pss.cameras.camera import PTZCamera
 
 __all__ = ["Cameras", "Views"]
 

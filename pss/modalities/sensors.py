@@ -13,12 +13,12 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pss.camera import PTZCamera, as_points
+from pss.cameras.camera import PTZCamera, as_points
+from pss.cameras.views import Views
 from pss.errors import GeometryError, RangeError, ShapeError
 from pss.inputs import number, numbers, place
 from pss.surrogates import Shape, any_blocks
-from pss.views import Views
-from pss.visibility import CLEARANCE_M, FieldOfView, Occlusion, SelfOcclusion, visible_in
+from pss.visibility.points import CLEARANCE_M, FieldOfView, Occlusion, SelfOcclusion, visible_in
 
 __all__ = ["Bearing", "DepthCamera", "PositionFix", "RangeBeacon", "Sensor"]
 

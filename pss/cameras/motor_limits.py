@@ -9,7 +9,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from pss.camera import MAX_ABS_TILT_DEG
+from pss.cameras.camera import MAX_ABS_TILT_DEG
 from pss.errors import RangeError
 
 __all__ = ["FULL_TURN_DEG", "SLACK_STEPS", "PTZLimits", "number", "refuse"]

@@ -13,11 +13,11 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pss.camera import PTZCamera, as_points
+from pss.cameras.camera import PTZCamera, as_points
+from pss.cameras.views import Views
 from pss.errors import RangeError, ShapeError
 from pss.inputs import members
 from pss.surrogates import Shape, any_blocks
-from pss.views import Views
 
 __all__ = ["VISIBILITY_TESTS", "FieldOfView", "Occlusion", "SelfOcclusion", "VisibilityTest", "visible_points"]
 

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pss.errors import RangeError, ShapeError
-from pss.evaluation import Evaluation
 from pss.inputs import labels, numbers
-from pss.process import RandomWalk
+from pss.metric.evaluation import Evaluation
+from pss.processes.process import RandomWalk
 
 __all__ = ["Aggregation", "bounded_by_volume", "cover_all", "environment_size_m", "grown_from_previous"]
 

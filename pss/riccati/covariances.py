@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pss.small_matrices import AT
+from pss.riccati.small_matrices import AT
 
 __all__ = ["from_six", "largest_standard_deviation", "mean_inverse_sigma", "root_trace", "to_six"]
 

@@ -9,14 +9,14 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from pss.covariances import from_six, largest_standard_deviation
 from pss.errors import ShapeError
 from pss.inputs import members
-from pss.observability import smallest_eigenvalue_3x3
-from pss.own_process import LinearProcess, PerPoint
-from pss.process import ProcessModel
-from pss.riccati import steady_state_covariance_from_information
-from pss.riccati_axes import axis_blocks, position_variance
+from pss.processes.own_process import LinearProcess, PerPoint
+from pss.processes.process import ProcessModel
+from pss.riccati.axes import axis_blocks, position_variance
+from pss.riccati.covariances import from_six, largest_standard_deviation
+from pss.riccati.observability import smallest_eigenvalue_3x3
+from pss.riccati.solve import steady_state_covariance_from_information
 
 __all__ = ["Process", "as_groups", "of_state", "position_sigma", "prior_covariance", "resolvable", "solve"]
 
@@ -156,7 +156,7 @@ def position_sigma(
 
 
 def _axis_blocks(model: ProcessModel) -> tuple[Floats, Floats] | None:
-    """A₀ and Q₀ of a model whose axes move alike (`pss.riccati_axes`), looked up from the second time on."""
+    """A₀ and Q₀ of a model whose axes move alike (`pss.riccati.axes`), looked up from the second time on."""
     try:
         return _found_axis_blocks(cast(Hashable, model))
     except TypeError:  # a user's own model that cannot be hashed

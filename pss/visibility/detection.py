@@ -1,6 +1,6 @@
 """The probability that a detector finds a target: a ramp over size, blur, signal and incidence, where limits are steps.
 
-Of a target that is in view as a whole with nothing before it (`pss.legibility.WholeTarget`),
+Of a target that is in view as a whole with nothing before it (`pss.visibility.targets.WholeTarget`),
 
     p = (1 − lapse) / (1 + exp(−z)),
     z = constant − size · ln(1 + (3 px/s)⁴) − blur · ln(1 + b²) − signal · ln(1 + (5/q)²) + incidence · ln cos α
@@ -23,11 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
+from pss.cameras.photometry import ImageSensor
+from pss.cameras.views import Views
 from pss.errors import RangeError
-from pss.legibility import blur_modules, contrast_over_noise, narrow_side_px
 from pss.noise.calibrated import DETECTION_COEFFICIENTS, Calibration
-from pss.photometry import ImageSensor
-from pss.views import Views
+from pss.visibility.targets import blur_modules, contrast_over_noise, narrow_side_px
 
 __all__ = ["DETECTION_PARTS", "DetectionModel", "detection_features", "detection_model"]
 

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pss.covariances import from_six
-from pss.steady_state import resolvable
+from pss.processes.steady_state import resolvable
+from pss.riccati.covariances import from_six
 
 __all__ = ["Expected", "expected", "probability_of_at_least"]
 

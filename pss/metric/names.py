@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pss.evaluation import Evaluation
-from pss.expected import probability_of_at_least
-from pss.metric_table import Metric, MetricTable
+from pss.metric.evaluation import Evaluation
+from pss.metric.table import Metric, MetricTable
 from pss.rivals import RIVALS
+from pss.visibility.expected import probability_of_at_least
 
 __all__ = ["CAMERAS_TO_OBSERVE", "METRICS"]
 
