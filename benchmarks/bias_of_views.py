@@ -20,8 +20,8 @@ from pss import PTZCamera
 from pss.cameras.views import Views
 from pss.noise.photometric import sides_e
 from pss.visibility.targets import WholeTarget, blur_modules, narrow_side_px
-from render.estimated_light import estimated_appearance
-from render.state import Marker
+from render.light.estimated_light import estimated_appearance
+from render.world.state import Marker
 from scenes import Scene, load_scene
 from validate.bank.design import BankDesign, held_out_views
 from validate.check.foreseen import LARGEST_BLUR_MODULES, SMALLEST_MODULE_PX

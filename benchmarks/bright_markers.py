@@ -15,9 +15,9 @@ import math
 import numpy as np
 
 from render import backend
-from render.sampling import Sampling
+from render.lens.sampling import Sampling
+from render.renderer import Renderer, ViewRequest
 from render.sensor import capture, expected_electrons, fixed_pattern
-from render.view import Renderer, ViewRequest
 from validate.bank.design import BankDesign
 from validate.measure import measure_capture
 from validate.pixel_noise.laboratory import DICTIONARY, Factors, Pose, Setup, draw_poses

@@ -18,8 +18,8 @@ import cv2
 import numpy as np
 
 from pss import ImageSensor
-from render.markers import predefined_dictionary
 from render.sensor import capture
+from render.world.marker_print import predefined_dictionary
 from tests.synthetic import DICTIONARY, homography, marker_electrons
 from validate.detect import find_markers
 

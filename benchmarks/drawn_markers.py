@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from render.markers import pattern
+from render.world.marker_print import pattern
 
 __all__ = ["DICTIONARY", "IDS", "PICTURE_PX", "Drawing", "edge_pictures", "homography", "paste", "pictures"]
 

@@ -32,7 +32,7 @@ from benchmarks.ring_light_figure import draw_ring_light
 from benchmarks.sensor_figures import BAND, draw_fall_off, draw_photon_transfer
 from pss import ImageSensor
 from scenes import load_scene
-from scenes.sensor_file import known_sensors
+from scenes.reading.sensor_file import known_sensors
 from tests.photon_transfer import BEYOND_SATURATION, Characterisation, Laboratory, Level, characterise, pair, stack
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -20,9 +20,9 @@ import cv2
 import numpy as np
 
 from render import backend
-from render.sampling import Sampling
+from render.lens.sampling import Sampling
+from render.renderer import Renderer, random_stream
 from render.sensor import capture
-from render.view import Renderer, random_stream
 from scenes import load_scene
 from validate import localise as localisation
 from validate import registration, template

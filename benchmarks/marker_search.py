@@ -28,10 +28,10 @@ from benchmarks import drawn_markers
 from benchmarks.drawn_markers import Drawing, edge_pictures, pictures
 from pss import ImageSensor
 from render import backend
-from render.markers import predefined_dictionary
-from render.sampling import Sampling
+from render.lens.sampling import Sampling
+from render.renderer import RenderedView, Renderer
 from render.sensor import capture
-from render.view import RenderedView, Renderer
+from render.world.marker_print import predefined_dictionary
 from scenes import Scene, load_scene
 from validate.acquire import baked
 from validate.detect import find_markers

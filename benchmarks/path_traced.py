@@ -1,7 +1,8 @@
 """Irradiance at the room's markers by radiosity beside a path-traced reference: `python benchmarks/path_traced.py`.
 
-The reference shares the scene's geometry, albedos and lamps with `render.light`, and nothing of its method: Mitsuba's
-path integrator in the room with diffuse walls and lamps that shine and hide, and neither patches nor meshes of tiles.
+The reference shares the scene's geometry, albedos and lamps with `render.light.radiosity`, and nothing of its method:
+Mitsuba's path integrator in the room with diffuse walls and lamps that shine and hide, and neither patches nor meshes
+of tiles.
 """
 
 from __future__ import annotations
@@ -20,9 +21,9 @@ if __name__ == "__main__":
 
 from pss import Sphere
 from render import backend
-from render.geometry import Surface, Tile, lamps, surfaces
-from render.light import LIFT_M, solve_light
-from render.state import SceneState
+from render.light.radiosity import LIFT_M, solve_light
+from render.world.geometry import Surface, Tile, lamps, surfaces
+from render.world.state import SceneState
 from scenes import load_scene
 
 __all__ = ["path_traced_irradiance", "path_traced_scene"]

@@ -24,8 +24,8 @@ from benchmarks.rendering_noise import Spent, Study, spent
 from benchmarks.rendering_rivals import NOISE_HEADER, Needed, compare_cycles, compare_plain
 from pss import ImageSensor, PTZCamera
 from render import backend
-from render.sampling import Sampling
-from render.view import Renderer
+from render.lens.sampling import Sampling
+from render.renderer import Renderer
 from scenes import Scene, load_scene
 from validate.acquire import baked
 from validate.store import Store

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, uniform_filter
 
 from pss import ImageSensor, PTZCamera
-from render import lens
-from render.sampling import Sampled, Sampling, pixel_means, sample_image
+from render.lens import thin_lens
+from render.lens.sampling import Sampled, Sampling, pixel_means, sample_image
+from render.renderer import EDGE_SPREAD, POOLED_PX, Renderer
 from render.sensor import expected_electrons
-from render.view import EDGE_SPREAD, POOLED_PX, Renderer
 
 __all__ = ["Noise", "Spent", "Study", "spent"]
 
@@ -67,7 +67,7 @@ class Study:
             return np.asarray(sensor.noise_electrons(radiance * electrons) / electrons, dtype=np.float32)
 
         self._sigma = sigma
-        self._sampler = pixel_means(renderer._scene, lens.load_sensor(camera, mi), mi)
+        self._sampler = pixel_means(renderer._scene, thin_lens.load_sensor(camera, mi), mi)
         self._images: list[Floats] = []
         first = self.replicate(0)
         self.image, self.samples, self.sigma = first.mean, first.samples, sigma(first.mean)

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from benchmarks.path_traced import path_traced_scene
 from benchmarks.rendering_noise import Noise, Spent, Study, spent
-from render import lens
-from render.glow import GlowMeshes
+from render.lens import thin_lens
+from render.light.lit_scene import GlowMeshes
 
 __all__ = ["NOISE_HEADER", "Needed", "compare_cycles", "compare_plain"]
 
@@ -67,7 +67,7 @@ def compare_plain(study: Study, replicates: int, view: str) -> list[Needed]:
         sampler: str, samples: int, number: int, cropped: bool = True, loaded: object = scene, depth: int = 1
     ) -> list[Floats]:
         path = mi.load_dict({"type": "path", "max_depth": depth})
-        sensor = lens.sensor_dict(camera, mi) | {"sampler": {"type": sampler, "sample_count": samples}}
+        sensor = thin_lens.sensor_dict(camera, mi) | {"sampler": {"type": sampler, "sample_count": samples}}
         if cropped:
             window = dict(zip(("crop_offset_x", "crop_offset_y"), (left, top), strict=True))
             sensor["film"] |= window | {"crop_width": size[0], "crop_height": size[1]}

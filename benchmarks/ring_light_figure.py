@@ -13,10 +13,12 @@ from numpy.typing import NDArray
 
 from benchmarks.sensor_figures import BAND, BLACK, BLUE, DPI
 from pss import PTZCamera
-from render import backend, glow, lens
-from render.light import solve_light
-from render.sampling import RingLight, Sampling, pixel_means, sample_image
-from render.state import Light, MarkerPrint, Room, SceneState
+from render import backend
+from render.lens import thin_lens
+from render.lens.sampling import RingLight, Sampling, pixel_means, sample_image
+from render.light import lit_scene
+from render.light.radiosity import solve_light
+from render.world.state import Light, MarkerPrint, Room, SceneState
 
 __all__ = ["draw_ring_light"]
 
@@ -37,14 +39,14 @@ class Wall:
         self._mi = backend.start(backend.choose())
         room = Room(8.0, 8.0, 3.0, wall_albedo=ALBEDO, floor_albedo=0.3, ceiling_albedo=0.7)
         state = SceneState(room, Light(0.0, (), INTENSITY_W_PER_SR), (), (), MarkerPrint("DICT_4X4_50", 1.0, 0.9, 0.05))
-        self._scene: Any = glow.load_scene(glow.bake(state, solve_light(state)), self._mi)
+        self._scene: Any = lit_scene.load_scene(lit_scene.bake(state, solve_light(state)), self._mi)
 
     def radiance(self, x_m: float, distance_m: float, turn_deg: float = 0.0) -> float:
         """W/(m² sr), mean over the image of a camera at that distance from the wall."""
         place = (x_m, WALL_AT_M - distance_m, EYE_M)
         camera = PTZCamera(place, turn_deg, 0, zoom=8, resolution=(8, 6), pixel_pitch_m=1e-5, widest_fov_deg=4.0)
         ring = RingLight(place, INTENSITY_W_PER_SR)
-        sampler = pixel_means(self._scene, lens.load_sensor(camera, self._mi), self._mi, None, ring)
+        sampler = pixel_means(self._scene, thin_lens.load_sensor(camera, self._mi), self._mi, None, ring)
         many = Sampling(fewest=64, most=64)
         image = sample_image(sampler, camera.resolution, np.ones_like, many, np.random.default_rng(0))
         return float(image.mean.mean())

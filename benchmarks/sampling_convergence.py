@@ -13,9 +13,11 @@ from pathlib import Path
 import numpy as np
 from scipy.ndimage import maximum_filter, minimum_filter
 
-from render import backend, glow, lens
-from render.light import solve_radiosity
-from render.sampling import pixel_means
+from render import backend
+from render.lens import thin_lens
+from render.lens.sampling import pixel_means
+from render.light import lit_scene
+from render.light.radiosity import solve_radiosity
 from render.sensor import expected_electrons
 from scenes import load_scene
 
@@ -29,12 +31,12 @@ def main() -> None:
     scene = load_scene(Path(__file__).parents[1] / "scenes" / "room.toml")
     chosen = backend.choose()
     mi = backend.start(chosen)
-    loaded = glow.load_scene(glow.bake(scene.state, solve_radiosity(scene.state)), mi)
+    loaded = lit_scene.load_scene(lit_scene.bake(scene.state, solve_radiosity(scene.state)), mi)
     print(chosen)
     sharp = scene.camera("4")
     defocused = dataclasses.replace(scene.camera("2"), focus_distance_m=1.4)
     for name, camera in (("sharp", sharp), ("defocused", defocused)):
-        sampler = pixel_means(loaded, lens.load_sensor(camera, mi), mi)
+        sampler = pixel_means(loaded, thin_lens.load_sensor(camera, mi), mi)
         width, height = camera.resolution
         per_radiance = np.asarray(expected_electrons(np.ones((height, width)), camera, scene.sensor))
         rng = np.random.default_rng(0)

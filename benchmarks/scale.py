@@ -26,7 +26,7 @@ import tyro
 
 from render import backend
 from scenes import load_scene, load_sweep
-from scenes.sweep_file import SWEEPS
+from scenes.steps.sweep_file import SWEEPS
 from validate.acquire import baked
 from validate.scale import workers as dask_workers
 from validate.scale.options import Scale

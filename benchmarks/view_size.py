@@ -21,10 +21,10 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from render import backend
-from render.sampling import Sampling
-from render.view import Renderer
+from render.lens.sampling import Sampling
+from render.renderer import Renderer
 from scenes import load_scene
-from scenes.sweep_file import SweepSpec
+from scenes.steps.sweep_file import SweepSpec
 from validate.acquire import baked
 from validate.measure import MeasureTask, measure
 from validate.store import Store

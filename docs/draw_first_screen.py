@@ -25,10 +25,10 @@ from rich.console import Console
 
 from pss import PTZCamera
 from render import backend
-from render.glow import GlowMeshes
-from render.sampling import Sampling
-from render.state import Room
-from render.view import RenderedView, Renderer
+from render.lens.sampling import Sampling
+from render.light.lit_scene import GlowMeshes
+from render.renderer import RenderedView, Renderer
+from render.world.state import Room
 from scenes import load_scene, load_sweep
 from validate.acquire import acquire, baked
 from validate.figures import draw_curves

@@ -17,8 +17,8 @@ import numpy as np
 from pss.surrogates import Mesh
 from render import backend
 from render.code_digest import Code, code_of
-from render.markers import pattern
-from render.state import SceneState
+from render.world.marker_print import pattern
+from render.world.state import SceneState
 
 __all__ = [
     "APART",
@@ -46,12 +46,12 @@ APART = {
 
 def view_code() -> Code:
     """The code that renders and stores views."""
-    return code_of("render.view", "render.exr", apart=tuple(APART))
+    return code_of("render.renderer", "render.files.exr", apart=tuple(APART))
 
 
 def light_code() -> Code:
     """The code that solves a scene's light; Mitsuba casts rays for it where meshes stand in the way."""
-    return code_of("render.glow", "render.light", "mitsuba", "drjit", apart=tuple(APART))
+    return code_of("render.light.lit_scene", "render.light.radiosity", "mitsuba", "drjit", apart=tuple(APART))
 
 
 def view_key(content: object) -> str:

@@ -5,6 +5,6 @@
 
 from scenes.errors import SceneError
 from scenes.scene import Scene, load_scene
-from scenes.sweep_file import Configuration, SweepFile, known_sweeps, load_sweep
+from scenes.steps.sweep_file import Configuration, SweepFile, known_sweeps, load_sweep
 
 __all__ = ["Configuration", "Scene", "SceneError", "SweepFile", "known_sweeps", "load_scene", "load_sweep"]

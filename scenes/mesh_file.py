@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from pss import PSSError
 from pss.surrogates import Mesh
-from render.backdrop import read_backdrop
-from render.meshes import skin
+from render.world.backdrop import read_backdrop
+from render.world.meshes import skin
 from scenes.errors import Location, Problems, shown
-from scenes.inside import may_open
-from scenes.mesh_schema import BackdropSpec, MeshSpec
-from scenes.schema import SceneSpec
+from scenes.reading.inside import may_open
+from scenes.schema.meshes import BackdropSpec, MeshSpec
+from scenes.schema.scene_tables import SceneSpec
 
 __all__ = ["holds", "posed", "read_files"]
 

@@ -25,20 +25,23 @@ from pss import (
 from pss.processes.process import ProcessModel
 from pss.surrogates import Mesh
 from pss.visibility.points import VisibilityTest
-from render.exposure import AutoExposure
-from render.state import Light, Marker, MarkerPrint, Motion, Panel, Room, SceneObject, SceneState
-from scenes.avatar import walking
-from scenes.avatar_schema import AvatarSpec, stance_of
-from scenes.checks import check_scene, shape_of
-from scenes.dictionaries import DICTIONARIES
-from scenes.document import SWEEP_PREFIX, apply_overrides, read_toml, set_value
+from render.light.exposure import AutoExposure
+from render.world.state import Light, Marker, MarkerPrint, Motion, Panel, Room, SceneObject, SceneState
 from scenes.errors import Problems, SceneError, nearest
-from scenes.layout import markers_on, placed_marker, plate_side_m
-from scenes.marker_checks import check_markers
+from scenes.markers.layout import markers_on, placed_marker, plate_side_m
+from scenes.markers.suit import worn_by
 from scenes.mesh_file import read_files
-from scenes.mesh_schema import MeshSpec
-from scenes.motion_schema import motion_of
-from scenes.schema import (
+from scenes.people.avatar import walking
+from scenes.reading.document import SWEEP_PREFIX, apply_overrides, read_toml, set_value
+from scenes.reading.sensor_file import start_from_named_sensor
+from scenes.reading.spec import validate
+from scenes.rules.checks import check_scene, shape_of
+from scenes.rules.marker_checks import check_markers
+from scenes.schema.avatar import AvatarSpec, stance_of
+from scenes.schema.dictionaries import DICTIONARIES
+from scenes.schema.meshes import MeshSpec
+from scenes.schema.motion import motion_of
+from scenes.schema.scene_tables import (
     CameraSpec,
     ConstantAccelerationSpec,
     ConstantVelocitySpec,
@@ -46,9 +49,6 @@ from scenes.schema import (
     RandomWalkSpec,
     SceneSpec,
 )
-from scenes.sensor_file import start_from_named_sensor
-from scenes.spec import validate
-from scenes.suit import worn_by
 
 __all__ = ["Scene", "load_scene"]
 
@@ -113,7 +113,7 @@ class Scene:
         nothing has to be solved. A run predicts with its solved light.
         """
         # It loads what draws markers, which scenes need not otherwise.
-        from render.estimated_light import estimated_appearance
+        from render.light.estimated_light import estimated_appearance
 
         return estimated_appearance(self.state)
 

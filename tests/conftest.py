@@ -42,7 +42,7 @@ def mi():
 def room_renderer(room, room_store, mi):
     """A renderer of the shipped room."""
     from render import backend
-    from render.view import Renderer
+    from render.renderer import Renderer
     from validate.acquire import baked
 
     return Renderer(room.state, baked(room.state, room_store), backend.choose())

@@ -27,10 +27,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import PTZCamera
-from render.exr import write_view
-from render.markers import pattern
-from render.state import Marker, SceneState
-from render.view import Certificate, RenderedView, ViewRequest, random_stream
+from render.files.exr import write_view
+from render.renderer import Certificate, RenderedView, ViewRequest, random_stream
+from render.world.marker_print import pattern
+from render.world.state import Marker, SceneState
 
 ROOT = Path(__file__).parents[1]
 # A run may be killed at each of these: Python's own names of what is done to files, and half of a content written.
@@ -79,7 +79,7 @@ def _corners_px(marker: Marker, state: SceneState, camera: PTZCamera) -> NDArray
 
 
 class DrawingRenderer:
-    """In place of `render.view.Renderer`."""
+    """In place of `render.renderer.Renderer`."""
 
     seconds: ClassVar[float] = 0.0
 

@@ -170,7 +170,7 @@ def _shipped(path: Path) -> Any:
 
 def read_sweep(path: Path) -> None:
     from scenes import load_sweep
-    from scenes.schedule_file import load_schedule
+    from scenes.steps.schedule_file import load_schedule
     from validate.hallway.stage import stage_of
 
     if path.parent.name == "schedules":
@@ -200,7 +200,7 @@ def read_mesh(path: Path) -> None:
 
 
 def read_xml(path: Path) -> None:
-    from render.backdrop import read_backdrop
+    from render.world.backdrop import read_backdrop
 
     for part in read_backdrop(path, within=path.parent).parts:
         assert np.isfinite(part.shape.vertices_m).all()
@@ -208,7 +208,7 @@ def read_xml(path: Path) -> None:
 
 
 def read_exr(path: Path) -> None:
-    from render.exr import read_certificate, read_view
+    from render.files.exr import read_certificate, read_view
 
     read_certificate(path)
     view = read_view(path)

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from render.sampling import Sampling
-from render.view import Certificate, RenderedView
+from render.lens.sampling import Sampling
+from render.renderer import Certificate, RenderedView
 from scenes import load_scene, load_sweep
 from validate import claims, compare, measurement, tables, trends
 from validate.acquire import Acquired, Acquisition

@@ -10,7 +10,7 @@ import numpy as np
 from pss.cameras.motors import PTZLimits, follow
 from pss.noise import Calibration
 from scenes import load_scene
-from scenes.schedule_file import load_schedule
+from scenes.steps.schedule_file import load_schedule
 from tests.made_up_run import CERTIFICATE, made_up_view
 from tests.test_hallway_study import acquired_of, levels_at
 from validate.compare import correlation_rows

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from render.estimated_light import estimated_appearance
+from render.light.estimated_light import estimated_appearance
 from scenes import load_scene, load_sweep
 from validate.assess import predict
 

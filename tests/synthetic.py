@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from pss import ImageSensor
-from render.markers import pattern
+from render.world.marker_print import pattern
 
 Floats = NDArray[np.float64]
 

@@ -25,18 +25,21 @@ RENDERER = {"mitsuba", "drjit"}
 
 # (file, import): why it may.
 ALLOWED = {
-    ("render/markers.py", "cv2"): "prints the modules of OpenCV's own dictionaries",
+    ("render/world/marker_print.py", "cv2"): "prints the modules of OpenCV's own dictionaries",
     (
         "render/backend.py",
         "mitsuba",
     ): "starts the variant, after it has chosen a libLLVM; all others get the module from it",
     ("render/backend.py", "archspec"): "asks for the kind of processor, on which the last bits of a render hang",
     ("render/backend.py", "drjit"): "sets how many threads render, after the variant has started",
-    ("render/lens.py", "drjit"): "makes settings data of the compiled code; runs after the backend has started",
-    ("render/sampling.py", "drjit"): "sums samples into pixels; runs after the backend has started",
-    ("render/emission.py", "drjit"): "looks up what surfaces send back; runs after the backend has started",
-    ("render/lens_effects.py", "drjit"): "bends and blurs where samples go; runs after the backend has started",
-    ("render/view.py", "drjit"): "casts the rays for depth and normals; runs after the backend has started",
+    (
+        "render/lens/thin_lens.py",
+        "drjit",
+    ): "makes settings data of the compiled code; runs after the backend has started",
+    ("render/lens/sampling.py", "drjit"): "sums samples into pixels; runs after the backend has started",
+    ("render/light/emission.py", "drjit"): "looks up what surfaces send back; runs after the backend has started",
+    ("render/lens/lens_effects.py", "drjit"): "bends and blurs where samples go; runs after the backend has started",
+    ("render/renderer.py", "drjit"): "casts the rays for depth and normals; runs after the backend has started",
 }
 # What each package may import besides the standard library and itself; None: anything that the rules below leave.
 MAY_IMPORT: dict[str, set[str] | None] = {
@@ -128,7 +131,7 @@ def test_mitsuba_is_imported_inside_functions_only():
     [
         ("pss", ["mitsuba", "drjit", "cv2", "OpenImageIO", "matplotlib", "render", "scenes", "validate"]),
         ("scenes", ["mitsuba", "drjit", "cv2", "matplotlib", "validate"]),
-        ("render.view, render.exr", ["mitsuba", "drjit", "scenes", "validate"]),
+        ("render.renderer, render.files.exr", ["mitsuba", "drjit", "scenes", "validate"]),
     ],
 )
 def test_importing_a_layer_loads_nothing_of_the_layers_above(imported, absent):

@@ -11,13 +11,13 @@ import trimesh
 
 from pss import PTZCamera, evaluate
 from scenes import SceneError, load_scene
-from scenes.avatar import Stance, avatar_frames, avatar_mesh, cylinder_radius_m
-from scenes.avatar_schema import SuitSpec
-from scenes.body import PARTS, part
-from scenes.gait import joints, phase_at, stride_of_speed
-from scenes.layout import overlapping
-from scenes.plates import stand_off_problem
-from scenes.suit import SUIT_KEYS, SUIT_SIZE, suit_markers
+from scenes.markers.layout import overlapping
+from scenes.markers.plates import stand_off_problem
+from scenes.markers.suit import SUIT_KEYS, SUIT_SIZE, suit_markers
+from scenes.people.avatar import Stance, avatar_frames, avatar_mesh, cylinder_radius_m
+from scenes.people.body import PARTS, part
+from scenes.people.gait import joints, phase_at, stride_of_speed
+from scenes.schema.avatar import SuitSpec
 
 HALLWAY = Path(__file__).parents[1] / "scenes" / "hallway.toml"
 HEIGHT_M = 1.75

@@ -10,8 +10,8 @@ import pytest
 import trimesh
 
 from pss import GeometryError, RangeError
-from render.backdrop import read_backdrop
-from render.view import state_key
+from render.renderer import state_key
+from render.world.backdrop import read_backdrop
 from scenes import SceneError, load_scene
 
 WORKSHOP = Path(__file__).parents[1] / "scenes" / "workshop.toml"

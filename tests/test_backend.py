@@ -15,7 +15,7 @@ import pytest
 
 from pss import MissingLibraryError, RangeError
 from render import backend
-from render.sampling import Sampling
+from render.lens.sampling import Sampling
 from render.sensor import expected_electrons
 from tests.views import window
 
@@ -142,7 +142,7 @@ import sys
 import numpy as np
 from pathlib import Path
 from render import backend
-from render.view import Renderer
+from render.renderer import Renderer
 from scenes.scene import load_scene
 from tests.test_backend import MARKER, SAMPLING
 from tests.views import window

@@ -9,7 +9,7 @@ import pytest
 from scipy.special import ndtr
 
 from pss import ImageSensor
-from render.markers import pattern
+from render.world.marker_print import pattern
 from tests.synthetic import DICTIONARY, SENSOR, homography
 from validate.blurred_step import blurred_steps, reach
 from validate.bound import centre_bound, draw_finely, fisher_information, pixel_sums

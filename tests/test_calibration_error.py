@@ -13,7 +13,7 @@ from pss.cameras.views import Views
 from pss.noise import IdentityNoise
 from pss.riccati.covariances import largest_standard_deviation
 from pss.visibility.points import VISIBILITY_TESTS, visible_in
-from render.view import random_stream
+from render.renderer import random_stream
 from validate.bank.measured import BankData, measure_all
 from validate.bank.miscalibrated_measured import MeasuredMoments, carried_through, triangulated
 from validate.bank.miscalibrated_prediction import Predictions, second_moments

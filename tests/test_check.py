@@ -19,9 +19,9 @@ import pss
 from pss import RangeError
 from pss.noise.calibrated import Calibration
 from pss.visibility.points import visible_points
-from render.estimated_light import estimated_irradiance
-from render.light import solve_radiosity
-from render.state import Light, Panel
+from render.light.estimated_light import estimated_irradiance
+from render.light.radiosity import solve_radiosity
+from render.world.state import Light, Panel
 from scenes import load_scene
 from validate.check import foreseen as module
 from validate.check.command import main, run

@@ -16,12 +16,12 @@ import pytest
 
 from render import backend
 from render.code_digest import PACKAGES, ROOT, code_of, installed_version
-from render.exr import read_view, write_view
+from render.files.exr import read_view, write_view
 from render.keys import APART as VIEW_APART
 from render.keys import light_code, random_stream, view_code
-from render.sampling import Sampling
+from render.lens.sampling import Sampling
+from render.renderer import Renderer
 from render.sensor import capture
-from render.view import Renderer
 from validate.figures import APART as FIGURES_APART
 from validate.measure import APART as MEASURE_APART
 from validate.measure import MeasureTask, _words_of, measure_capture, measure_code
@@ -40,7 +40,7 @@ def of_measurements(root: Path) -> str:
 
 
 def of_views(root: Path) -> str:
-    return code_of("render.view", "render.exr", apart=tuple(VIEW_APART), root=root).digest
+    return code_of("render.renderer", "render.files.exr", apart=tuple(VIEW_APART), root=root).digest
 
 
 def changed(folder: Path, file: str, change) -> Path:
@@ -80,8 +80,8 @@ def test_shifted_detections_are_other_measurements(tmp_path):
         ("validate/registration.py", True, False),
         ("render/sensor.py", True, True),
         ("pss/cameras/photometry.py", True, True),
-        ("render/lens.py", False, True),
-        ("render/traced_meshes.py", False, True),
+        ("render/lens/thin_lens.py", False, True),
+        ("render/world/traced_meshes.py", False, True),
         ("pss/cameras/camera.py", True, True),
         # What shows results, or only predicts, invalidates nothing.
         ("validate/tables.py", False, False),
@@ -90,7 +90,7 @@ def test_shifted_detections_are_other_measurements(tmp_path):
         ("validate/worker_pool.py", False, False),
         ("pss/riccati/solve.py", False, False),
         ("pss/__init__.py", False, False),
-        ("scenes/layout.py", False, False),
+        ("scenes/markers/layout.py", False, False),
     ],
 )
 def test_code_counts_where_it_has_a_share_in_the_result(tmp_path, file, measured, rendered):
@@ -192,7 +192,7 @@ def test_every_library_that_counts_has_a_version(library):
 PRINT_DIGESTS = """
 import render.code_digest as digests
 digests.installed_version = lambda name: "1"
-print([digests.code_of(entry).digest for entry in ("render.view", "validate.measure", "validate.scale.work")])
+print([digests.code_of(entry).digest for entry in ("render.renderer", "validate.measure", "validate.scale.work")])
 """
 
 
@@ -238,7 +238,9 @@ def test_figures_and_reports_hang_on_all_that_draws_them():
     assert {"matplotlib", "numpy"} <= {name for name, _ in figures.libraries}
     assert {"plotly", "jinja2"} <= {name for name, _ in report.libraries}
     for code in (figures, report):
-        assert not {"validate.store", "validate.localise", "validate.acquire", "render.sampling"} & set(code.modules)
+        assert not {"validate.store", "validate.localise", "validate.acquire", "render.lens.sampling"} & set(
+            code.modules
+        )
 
 
 @pytest.mark.parametrize("apart", [VIEW_APART, MEASURE_APART], ids=["view", "measurement"])
@@ -286,7 +288,7 @@ def test_all_code_that_runs_while_a_view_is_made_and_measured_counts(tmp_path):
         made["found"], _, _ = measure_capture(numbers, DICTIONARY, (1,), view.sensor)
 
     rendering = executed_while(make) - {"validate.pixel_noise.laboratory"}
-    assert {"render.view", "render.sampling", "render.light", "pss.cameras.camera"} <= rendering
+    assert {"render.renderer", "render.lens.sampling", "render.light.radiosity", "pss.cameras.camera"} <= rendering
     assert rendering <= {*view_code().modules, *NOT_COUNTED}
     measuring = executed_while(measure)
     assert np.isfinite(made["found"]).all()

@@ -25,11 +25,11 @@ from pss import (
 )
 from pss.cameras.motors import PTZLimits
 from pss.noise import DistanceIncidence, IdentityNoise, NoiseModel
-from render.exposure import AutoExposure
-from render.geometry import surfaces
-from render.lens import film_position, sensor_dict
-from render.state import Light, Marker, MarkerPrint, Panel, Room, SceneState
-from render.view import random_stream
+from render.lens.thin_lens import film_position, sensor_dict
+from render.light.exposure import AutoExposure
+from render.renderer import random_stream
+from render.world.geometry import surfaces
+from render.world.state import Light, Marker, MarkerPrint, Panel, Room, SceneState
 
 ROOT = Path(__file__).resolve().parents[1]
 # Relative, and in pixels: a few roundings.
@@ -153,7 +153,7 @@ def test_pixel_zero_is_the_centre_of_the_top_left_pixel():
 
 
 def test_mitsubas_film_is_half_a_pixel_on_and_one_module_knows():
-    """Mitsuba's film has the first pixel's centre at (0.5, 0.5); render/lens.py converts, and nothing else does."""
+    """Mitsuba's film has the first pixel's centre at (0.5, 0.5); render/lens/thin_lens.py alone converts."""
     np.testing.assert_array_equal(film_position(np.array([[0.0, 0.0], [-0.5, 959.5]])), [[0.5, 0.5], [0, 960]])
 
 

@@ -14,9 +14,9 @@ from pss.cameras.luminous import illuminance_lux, luminous_efficiency
 from pss.cameras.photometry import PLANCK_TIMES_LIGHT_SPEED_J_M
 from pss.cameras.views import Views
 from pss.visibility.targets import LEAST_CONTRAST_OVER_NOISE, Legible, contrast_over_noise, visibility_tests
-from render.estimated_light import estimated_appearance
-from render.sampling import Sampling
-from render.view import ViewRequest, state_key
+from render.lens.sampling import Sampling
+from render.light.estimated_light import estimated_appearance
+from render.renderer import ViewRequest, state_key
 from scenes import load_scene
 from tests import made_up_run as made_up
 from tests.test_sweep_run import SCENE, SWEEP

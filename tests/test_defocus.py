@@ -10,7 +10,7 @@ import pytest
 import scipy.stats
 
 from pss import PTZCamera
-from render import lens
+from render.lens import thin_lens
 from tests.views import centroid, disc_scene, point_at, render_part, variance
 
 pytestmark = pytest.mark.render
@@ -92,8 +92,8 @@ def diameter_by_rays_px(mi, camera: PTZCamera, point_m: np.ndarray, net: np.ndar
     expected = float(camera.circle_of_confusion_px(point_m))
     source = SOURCE_SHARE * expected
     places = pixel + (net[:, :2] - 0.5) * 1.33 * (expected + source)
-    film = lens.film_position(places) / camera.resolution
-    sensor, scene = lens.load_sensor(camera, mi), disc_scene(mi, camera, point_m, source)
+    film = thin_lens.film_position(places) / camera.resolution
+    sensor, scene = thin_lens.load_sensor(camera, mi), disc_scene(mi, camera, point_m, source)
     ray, _ = sensor.sample_ray(0.0, 0.5, mi.Point2f(*film.T), mi.Point2f(*net[:, 2:].T))
     hits = scene.ray_intersect(ray).is_valid().numpy()
     return 4 * np.sqrt(places[hits].var(axis=0) - source**2 / 16)

@@ -12,7 +12,7 @@ import pytest
 from benchmarks.drawn_markers import DICTIONARY, DISTANCE_SIDES, IDS, edge_pictures, homography, paste, pictures
 from pss import ImageSensor
 from render.sensor import capture
-from scenes.dictionaries import DICTIONARIES
+from scenes.schema.dictionaries import DICTIONARIES
 from validate.detect import RIM_PX, find_markers
 from validate.localise import localise
 

@@ -24,8 +24,8 @@ import pytest
 from matplotlib.colors import LogNorm
 
 import pss
-from render.glow import GlowMeshes
-from render.state import Room
+from render.light.lit_scene import GlowMeshes
+from render.world.state import Room
 from tests.documents import BLOCKS, DOCS, ROOT
 from validate import run_sweep
 from validate.report.frusta import room_corners

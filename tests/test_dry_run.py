@@ -11,7 +11,7 @@ import pytest
 from rich.console import Console
 
 from render import backend
-from render.sampling import Sampling
+from render.lens.sampling import Sampling
 from tests.test_store_views import REQUEST, VIEW, ZOOMS, no_progress, wanted  # noqa: F401 (a fixture)
 from tests.test_sweep_run import ALONE, SCENE
 from validate import dry_run

@@ -10,17 +10,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import scenes.schema
+import scenes.schema.scene_tables
 from pss import Appearance, ImageSensor, PTZCamera, RangeError
-from render.exposure import AutoExposure, choose_exposure
-from render.sampling import Sampling
+from render.lens.sampling import Sampling
+from render.light.exposure import AutoExposure, choose_exposure
 from render.sensor import expected_electrons
 from scenes import load_scene, load_sweep
 from validate.expose import with_exposures
 from validate.store import Store
 from validate.sweep import plan
 
-FOLDER = Path(scenes.schema.__file__).parent
+FOLDER = Path(scenes.schema.scene_tables.__file__).parent
 ROOM = (FOLDER / "room.toml").read_text()
 # An odd number of pixels: one of them is on the axis.
 CAMERA = PTZCamera((0, 0, 1), 0, 0, zoom=4, focus_distance_m=3, resolution=(321, 241), pixel_pitch_m=1e-5, name="a")

@@ -11,11 +11,11 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-import render.exr
+import render.files.exr
 from pss import PSSError
-from render.exr import CHANNELS, ImageFileError, read_certificate, read_view, write_view
+from render.files.exr import CHANNELS, ImageFileError, read_certificate, read_view, write_view
 from render.keys import view_code
-from render.view import RenderedView, ViewRequest
+from render.renderer import RenderedView, ViewRequest
 from tests.views import AWKWARD_RESOLUTION, an_awkward_view
 
 WIDTH, HEIGHT = AWKWARD_RESOLUTION
@@ -128,7 +128,7 @@ def test_the_units_of_all_channels_are_stated(path):
     """In the file's header by layer or channel, and in the module's docstring."""
     units = json.loads(oiio.ImageBuf(str(path)).spec().get_string_attribute("pss:units"))
     assert all(name in units or name.partition(".")[0] in units for name in CHANNELS)
-    assert all(f"`{name}`" in render.exr.__doc__ for name in CHANNELS if name not in ("normal.Y", "normal.Z"))
+    assert all(f"`{name}`" in render.files.exr.__doc__ for name in CHANNELS if name not in ("normal.Y", "normal.Z"))
 
 
 def test_the_documented_way_to_read_a_view_runs(request_and_view, tmp_path, monkeypatch, capsys):

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from render.exr import read_view, write_view
+from render.files.exr import read_view, write_view
 from tests.views import an_awkward_view
 
 # The attributes are single precision: 24 bits, of metres and of numbers below 1000.

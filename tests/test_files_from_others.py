@@ -23,10 +23,10 @@ from pss import GeometryError, PSSError
 from pss.files import DEEPEST_TABLE, MOST_TOML_BYTES, is_inside, read_toml
 from pss.noise.calibrated import Calibration
 from pss.surrogates import Mesh, _mesh_files
-from render.backdrop import read_backdrop
-from render.state import Light, MarkerPrint, Room, SceneState
+from render.world.backdrop import read_backdrop
+from render.world.state import Light, MarkerPrint, Room, SceneState
 from scenes import SceneError, load_scene, load_sweep
-from scenes.schedule_file import load_schedule
+from scenes.steps.schedule_file import load_schedule
 from validate.run_sweep import main
 from validate.store import Store
 
@@ -321,7 +321,7 @@ def test_keys_do_not_speak_to_the_terminal_or_break_the_line(tmp_path):
 
 
 def test_a_hall_whose_light_is_a_matrix_too_large_is_refused():
-    from render.patches import scene_patches
+    from render.light.patches import scene_patches
 
     hall = Room(100.0, 100.0, 3.0, 0.5, 0.5, 0.5)
     state = SceneState(hall, Light(0.2, ()), (), (), MarkerPrint("DICT_4X4_100", 1.0, 0.85, 0.04))

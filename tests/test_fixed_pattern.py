@@ -13,11 +13,11 @@ import scipy.stats
 
 import validate.measure
 from pss import ImageSensor, PTZCamera
-from render.exr import write_view
-from render.sampling import Sampling
+from render.files.exr import write_view
+from render.lens.sampling import Sampling
+from render.renderer import Certificate, RenderedView, ViewRequest
 from render.sensor import capture, fixed_pattern
-from render.state import Light, MarkerPrint, Room, SceneState
-from render.view import Certificate, RenderedView, ViewRequest
+from render.world.state import Light, MarkerPrint, Room, SceneState
 from tests.test_sensor import largest_z
 from validate.measure import MeasureTask, measure
 from validate.store import Store

@@ -11,10 +11,10 @@ import pytest
 import trimesh
 
 from pss import ImageSensor, PTZCamera
-from render.exr import write_view
-from render.sampling import Sampling
-from render.state import Light, MarkerPrint, Room, SceneState
-from render.view import Certificate, RenderedView, ViewRequest
+from render.files.exr import write_view
+from render.lens.sampling import Sampling
+from render.renderer import Certificate, RenderedView, ViewRequest
+from render.world.state import Light, MarkerPrint, Room, SceneState
 from tests.fuzzing import campaign, prepare
 from validate.store import Store
 

@@ -13,7 +13,7 @@ from matplotlib.colors import to_rgb
 from PIL import Image
 
 from pss import PTZCamera, RangeError, ShapeError
-from render.state import Room
+from render.world.state import Room
 from validate.figures import MODEL_COLOURS
 from validate.hallway.film import FILM_ENDINGS, write_film
 from validate.hallway.picture import PICTURE_PX, FilmFrame, draw_frame

@@ -9,9 +9,9 @@ import pytest
 
 from pss import ConstantVelocity, RangeError
 from pss.noise import Calibration
-from render.view import random_stream, state_key
+from render.renderer import random_stream, state_key
 from scenes import load_scene
-from scenes.schedule_file import load_schedule
+from scenes.steps.schedule_file import load_schedule
 from tests.test_hallway_study import LIMITS, acquired_of
 from validate.hallway import real_walk_files
 from validate.hallway.motion_misfit import motion_misfit

@@ -13,7 +13,7 @@ import plotly.offline
 import pytest
 
 from scenes import load_scene
-from scenes.schedule_file import load_schedule
+from scenes.steps.schedule_file import load_schedule
 from tests.layout_of_words import assert_words_are_legible
 from tests.made_up_schedule import STEPS, made_up_schedule
 from tests.test_report import SAME_DIGITS, Page

@@ -21,9 +21,9 @@ from pss.processes.process import ConstantVelocity, RandomWalk
 from pss.riccati.solve import steady_state_covariance_from_information
 from pss.visibility.points import visible_in
 from pss.visibility.targets import TARGET_VISIBILITY
-from render.view import state_key
+from render.renderer import state_key
 from scenes import SceneError, load_scene
-from scenes.schedule_file import SURROGATES, load_schedule
+from scenes.steps.schedule_file import SURROGATES, load_schedule
 from validate.acquire import Acquired
 from validate.bank.study import PHYSICAL_WHOLE
 from validate.hallway import command

@@ -17,10 +17,10 @@ import scipy.optimize
 from scipy.spatial.transform import Rotation
 
 from pss import RangeError, ShapeError
-from scenes.avatar import Stance, avatar_frames
-from scenes.avatar_schema import SuitSpec
-from scenes.gait import stride_of_speed
-from scenes.suit import PLACES, SUIT_KEYS, SUIT_SIZE, ids_on, suit_markers
+from scenes.markers.suit import PLACES, SUIT_KEYS, SUIT_SIZE, ids_on, suit_markers
+from scenes.people.avatar import Stance, avatar_frames
+from scenes.people.gait import stride_of_speed
+from scenes.schema.avatar import SuitSpec
 from validate.hallway.trajectories import body_poses, torso_pose, torso_reference_m, write_tum, write_walk
 from validate.store import StoreError
 

@@ -7,7 +7,7 @@ import pytest
 from matplotlib.path import Path as Outline
 
 from pss import PTZCamera
-from render.state import Room
+from render.world.state import Room
 from validate.hallway.wedge import footprint_m, wedge_m
 
 ROOM = Room(6.0, 10.0, 3.0, 0.6, 0.3, 0.75)

@@ -13,8 +13,8 @@ import pytest
 
 from pss import RangeError
 from pss.json_text import as_json, json_text
-from render.exr import read_certificate, write_view
-from render.view import Certificate
+from render.files.exr import read_certificate, write_view
+from render.renderer import Certificate
 from tests.test_architecture import PACKAGES, modules, relative, tree
 from tests.views import an_awkward_view
 from validate.events import EVENTS, EventFile

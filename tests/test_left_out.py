@@ -7,7 +7,7 @@ import json
 import pytest
 
 from scenes import load_scene
-from scenes.schedule_file import load_schedule
+from scenes.steps.schedule_file import load_schedule
 from tests.conftest import ROOM_FILE
 from tests.test_hallway_study import acquired_of
 from validate.acquire import Acquired

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pss import PTZCamera
-from render import lens
+from render.lens import thin_lens
 from tests.views import centroid, disc_scene, point_at, render_part
 
 pytestmark = pytest.mark.render
@@ -28,7 +28,7 @@ SINGLE = 3e-6
 def rays(mi, camera: PTZCamera, film, aperture) -> tuple[np.ndarray, np.ndarray]:
     """Origins (N, 3) and unit directions (N, 3) of Mitsuba's rays; film and aperture positions in [0, 1], (N, 2)."""
     film, aperture = (mi.Point2f(*np.asarray(uv, dtype=np.float32).T) for uv in (film, aperture))
-    ray, _ = lens.load_sensor(camera, mi).sample_ray(0.0, 0.5, film, aperture)
+    ray, _ = thin_lens.load_sensor(camera, mi).sample_ray(0.0, 0.5, film, aperture)
     return ray.o.numpy().T.astype(float), ray.d.numpy().T.astype(float)
 
 
@@ -50,7 +50,7 @@ def test_a_known_point_lands_on_its_pixel(mi, pixel):
 
 def test_film_position_is_half_a_pixel_on():
     """Convention: Mitsuba's film has the centre of the top left pixel at (0.5, 0.5)."""
-    np.testing.assert_array_equal(lens.film_position(np.array([0.0, 10.25])), [0.5, 10.75])
+    np.testing.assert_array_equal(thin_lens.film_position(np.array([0.0, 10.25])), [0.5, 10.75])
 
 
 @pytest.mark.parametrize("zoom", [1.0, 3.0, 8.0])

@@ -11,9 +11,9 @@ from scipy.ndimage import gaussian_filter
 
 from pss import PTZCamera, RangeError
 from pss.cameras.distortion import furthest_radius, stretch
-from render import lens
-from render.lens_effects import PlaceOnFilm
-from render.sampling import Sampling, pixel_means, sample_image
+from render.lens import thin_lens
+from render.lens.lens_effects import PlaceOnFilm
+from render.lens.sampling import Sampling, pixel_means, sample_image
 from render.sensor import relative_illumination
 from tests.views import window
 from validate.detect import find_markers
@@ -34,7 +34,7 @@ SAME_PLACE_PX = 1e-3
 
 def noise_free(camera, renderer, mi, extra=True):
     """W/(m² sr), (height, width), by SAMPLES samples in every pixel."""
-    sampler = pixel_means(renderer._scene, lens.load_sensor(camera, mi), mi, camera if extra else None)
+    sampler = pixel_means(renderer._scene, thin_lens.load_sensor(camera, mi), mi, camera if extra else None)
     most = Sampling(fewest=SAMPLES, most=SAMPLES)
     rng = np.random.default_rng(0)
     return sample_image(sampler, camera.resolution, lambda image: np.ones_like(image), most, rng).mean
@@ -42,9 +42,9 @@ def noise_free(camera, renderer, mi, extra=True):
 
 def test_quantiles_of_a_pixels_response():
     """Mean ½, variance 1/12 + σ² (Sheppard), symmetric; the pixel itself without blur."""
-    np.testing.assert_array_equal(np.diff(lens.pixel_response(0.0)), 1 / lens.RESPONSE_QUANTILES)
+    np.testing.assert_array_equal(np.diff(thin_lens.pixel_response(0.0)), 1 / thin_lens.RESPONSE_QUANTILES)
     for sigma in (0.1, 0.5, 3.0):
-        table = lens.pixel_response(sigma)
+        table = thin_lens.pixel_response(sigma)
         middle = (table[1:] + table[:-1]) / 2
         assert middle.mean() == pytest.approx(0.5, abs=1e-6)
         assert middle.var() == pytest.approx(1 / 12 + sigma**2, rel=6e-3)  # the outermost steps of the table are long
@@ -131,7 +131,7 @@ def test_the_aperture_is_a_regular_polygon_of_the_round_ones_area(mi, blades):
     turns = 2 * math.pi * (np.arange(blades) + 0.5) / blades
     outermost = np.stack([np.cos(turns), np.sin(turns)], axis=-1) @ points
     assert outermost.max() <= math.cos(math.pi / blades) + 1e-4
-    corner = lens.circumradius(blades)
+    corner = thin_lens.circumradius(blades)
     assert blades / 2 * corner**2 * math.sin(2 * math.pi / blades) == pytest.approx(math.pi)
     second = (2 + math.cos(2 * math.pi / blades)) / 12
     np.testing.assert_allclose(np.cov(points), second * np.eye(2), atol=0.004)  # four standard errors
@@ -157,4 +157,4 @@ def test_samples_are_drawn_for_their_own_place_up_to_the_very_fold(mi, k):
 def test_a_lens_that_folds_its_image_is_refused(mi):
     camera = PTZCamera((0, 0, 0), 0, 0, zoom=1, radial_distortion=(-0.3, 0.0))
     with pytest.raises(RangeError, match="off the axis; allowed: up to"):
-        lens.load_sensor(camera, mi)
+        thin_lens.load_sensor(camera, mi)

@@ -8,10 +8,10 @@ import pytest
 import scipy.stats
 
 from pss import Box, Rectangle, Sphere
-from render import patches
-from render.geometry import LAMP_DROP_M, Surface, surfaces
-from render.light import LIFT_M, Radiosity, form_factors, solve_radiosity
-from render.state import Light, MarkerPrint, Panel, Room, SceneObject, SceneState
+from render.light import patches
+from render.light.radiosity import LIFT_M, Radiosity, form_factors, solve_radiosity
+from render.world.geometry import LAMP_DROP_M, Surface, surfaces
+from render.world.state import Light, MarkerPrint, Panel, Room, SceneObject, SceneState
 
 # Relative; Lambert's formula sums four angles.
 SAME_TO_ROUNDING = 1e-12

@@ -15,7 +15,7 @@ import pytest
 from rich.console import Console
 
 from scenes import SceneError, load_scene
-from scenes.measurement import SEED, TRIALS, measurement_of
+from scenes.steps.measurement import SEED, TRIALS, measurement_of
 from tests.made_up_run import PIXEL_NOISE_PX, made_up_run
 from tests.predicted_result import predicted_result
 from tests.test_report import Page

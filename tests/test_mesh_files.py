@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 import trimesh
 
+import scenes.markers.spread
 import scenes.mesh_file
-import scenes.spread
 from pss.surrogates import Mesh
-from render.view import state_key
+from render.renderer import state_key
 from scenes import SceneError, load_scene
-from scenes.layout import PLATE_OFFSET_M, plate_corners_m
+from scenes.markers.layout import PLATE_OFFSET_M, plate_corners_m
+from scenes.markers.spread import spread_over
 from scenes.mesh_file import holds, posed
-from scenes.spread import spread_over
 
 FOLDER = Path(scenes.mesh_file.__file__).parent
 ROOM = (FOLDER / "room.toml").read_text()
@@ -264,7 +264,7 @@ def test_markers_keep_clear_of_other_objects_and_of_the_room(tmp_path):
 
 
 def test_the_number_that_is_said_to_fit_fits(tmp_path, monkeypatch):
-    monkeypatch.setattr(scenes.spread, "TRIES", (400, 1000))  # for the sake of time
+    monkeypatch.setattr(scenes.markers.spread, "TRIES", (400, 1000))  # for the sake of time
     text = LARGER + CRATE + SPREAD.replace("count = 20", "count = 120").replace("0.12", "0.2")
     (problem,) = refused(tmp_path, None, text)
     fits = int(re.search(r"markers\.count = 120; allowed: at most (\d+), as no more fit", problem).group(1))
@@ -276,7 +276,7 @@ def test_the_number_that_is_said_to_fit_fits(tmp_path, monkeypatch):
 @pytest.mark.parametrize("distance_m", [0.23, 0.26, 0.33])
 def test_as_many_markers_as_are_said_to_fit_do_whatever_was_asked_for(distance_m, monkeypatch):
     """The limit is one number: each larger count gets it, and it is kept."""
-    monkeypatch.setattr(scenes.spread, "TRIES", (40, 160))  # for the sake of time
+    monkeypatch.setattr(scenes.markers.spread, "TRIES", (40, 160))  # for the sake of time
     body = crate()
     mesh = Mesh("crate", np.array(body.vertices), np.array(body.faces))
 

@@ -13,14 +13,16 @@ import trimesh
 from pss import Box, ImageSensor, PTZCamera, Sphere
 from pss.surrogates import Mesh
 from pss.visibility.points import visible_points
-from render import backend, glow, lit_meshes
-from render.light import solve_radiosity
-from render.lit_meshes import SHEET_M, lit_mesh
-from render.meshes import FEWEST_PATCHES, MOST_MESH_PATCHES, mesh_patches, patches_wanted, shares, skin
-from render.patches import MOST_SPLIT_PATCHES
-from render.sampling import Sampling
-from render.state import Light, MarkerPrint, Panel, Room, SceneObject, SceneState
-from render.view import Renderer, state_key
+from render import backend
+from render.lens.sampling import Sampling
+from render.light import lit_scene
+from render.light.patches import MOST_SPLIT_PATCHES
+from render.light.radiosity import solve_radiosity
+from render.renderer import Renderer, state_key
+from render.world import lit_meshes
+from render.world.lit_meshes import SHEET_M, lit_mesh
+from render.world.meshes import FEWEST_PATCHES, MOST_MESH_PATCHES, mesh_patches, patches_wanted, shares, skin
+from render.world.state import Light, MarkerPrint, Panel, Room, SceneObject, SceneState
 from scenes import load_scene
 
 WORKSHOP = Path(__file__).parents[1] / "scenes" / "workshop.toml"
@@ -223,7 +225,7 @@ def test_a_box_and_its_mesh_look_the_same(mi):
     images = []
     for shape in (BOX, box_mesh(BOX)):
         state = room(shape)
-        renderer = Renderer(state, glow.bake(state, solve_radiosity(state)), backend.choose())
+        renderer = Renderer(state, lit_scene.bake(state, solve_radiosity(state)), backend.choose())
         images.append(renderer.render(renderer.request(camera, SENSOR, Sampling())))
     np.testing.assert_allclose(images[0].depth_m, images[1].depth_m, rtol=1e-5)
     differ = np.abs(images[1].radiance / images[0].radiance - 1)
@@ -244,7 +246,7 @@ def test_what_the_prediction_hides_is_not_in_the_render(mi):
     """Markers of the shipped workshop, in the layer of marker numbers of all its cameras."""
     scene = load_scene(WORKSHOP)
     state = scene.state
-    renderer = Renderer(state, glow.bake(state, EvenLight()), backend.choose())
+    renderer = Renderer(state, lit_scene.bake(state, EvenLight()), backend.choose())
     numbers, compared, hidden = np.array([marker.id for marker in state.markers]), 0, 0
     for camera in scene.cameras:
         small = dataclasses.replace(camera, resolution=(480, 360), pixel_pitch_m=4.65e-6 * 1280 / 480)

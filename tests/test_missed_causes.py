@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pss.visibility.targets import WholeTarget, blur_modules, narrow_side_px
-from render.estimated_light import estimated_appearance
+from render.light.estimated_light import estimated_appearance
 from scenes import load_scene
 from validate.assess import predict
 from validate.check.foreseen import LARGEST_BLUR_MODULES, SMALLEST_MODULE_PX

@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 from pss import ImageSensor, PTZCamera, Rectangle
-from render import backend, glow, motion
-from render.light import solve_light
-from render.motion import MOST_INSTANTS, SHARE_OF_CONTRAST, instants, moved, over_shutter
-from render.sampling import Sampling
-from render.state import Light, Marker, MarkerPrint, Motion, Room, SceneObject, SceneState
-from render.view import Renderer
+from render import backend
+from render.lens import motion
+from render.lens.motion import MOST_INSTANTS, SHARE_OF_CONTRAST, instants, moved, over_shutter
+from render.lens.sampling import Sampling
+from render.light import lit_scene
+from render.light.radiosity import solve_light
+from render.renderer import Renderer
+from render.world.state import Light, Marker, MarkerPrint, Motion, Room, SceneObject, SceneState
 from scenes import SceneError, load_scene
 from tests.conftest import ROOM_FILE
 from tests.views import centroid, variance
@@ -41,7 +43,7 @@ def image(mi):
 
     def render(how: Motion | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         state = state_of(SceneObject(BOARD, 0.6, how))
-        renderer = Renderer(state, glow.bake(state, solve_light(state)), backend.choose())
+        renderer = Renderer(state, lit_scene.bake(state, solve_light(state)), backend.choose())
         view = renderer.render(renderer.request(CAMERA, SENSOR, Sampling(noise_ratio=0.1)))
         y, x = np.mgrid[:240, :320].astype(float)
         return view.radiance.astype(float), x, y
@@ -81,7 +83,7 @@ def test_velocities_are_carried_to_vertices_and_plates():
     """`moved` by hand: a turn of 90° a second about z, and a metre along x, for half a second."""
     how = Motion((1.0, 0.0, 0.0), (0.0, 0.0, 90.0), (0.0, 0.0, 0.0))
     state = state_of(SceneObject(BOARD, 0.6, how))
-    meshes = glow.bake(state, solve_light(state))
+    meshes = lit_scene.bake(state, solve_light(state))
     later = moved(meshes, state, 0.5)
     turn = np.array([(1, -1, 0), (1, 1, 0), (0, 0, 2**0.5)]) / 2**0.5
     for name, owners in (("vertices_m", meshes.vertex_objects), ("plates_m", meshes.plate_objects)):
@@ -130,7 +132,7 @@ def test_samples_are_shared_among_the_instants(count):
 def test_what_does_not_move_in_the_image_needs_one_scene():
     """A camera that sees nothing of the motion pays nothing for it."""
     state = state_of(SceneObject(BOARD, 0.6, Motion(velocity_m_per_s=(0.0, 1e-3, 0.0))))
-    meshes = glow.bake(state, solve_light(state))
+    meshes = lit_scene.bake(state, solve_light(state))
     assert motion.travel_px(meshes, state, CAMERA, EXPOSURE_MS * 1e-3) < 8 * SHARE_OF_CONTRAST
     away = dataclasses.replace(CAMERA, pan_deg=180.0)
     fast = state_of(SceneObject(BOARD, 0.6, Motion(velocity_m_per_s=(4.0, 0.0, 0.0))))

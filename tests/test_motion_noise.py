@@ -19,13 +19,14 @@ from pss.cameras.views import Views
 from pss.noise.blur import edge_blur, sensors_of, way_across_px, way_px
 from pss.noise.factors import Defocus
 from pss.visibility.targets import blur_modules
-from render import backend, glow
-from render.light import solve_light
-from render.motion import moved
-from render.sampling import Sampling
+from render import backend
+from render.lens.motion import moved
+from render.lens.sampling import Sampling
+from render.light import lit_scene
+from render.light.radiosity import solve_light
+from render.renderer import RenderedView, Renderer, random_stream
 from render.sensor import capture, expected_electrons, fixed_pattern
-from render.state import Light, Marker, MarkerPrint, Motion, Room, SceneObject, SceneState
-from render.view import RenderedView, Renderer, random_stream
+from render.world.state import Light, Marker, MarkerPrint, Motion, Room, SceneObject, SceneState
 from validate.measure import measure_capture
 from validate.pixel_noise.laboratory import DICTIONARY, DISTANCE_M, FOCAL_PX, Factors, Pose, Setup
 
@@ -206,15 +207,15 @@ def test_the_scene_says_how_fast_its_markers_move():
         return SceneState(Room(6, 6, 3, 0, 0, 0), Light(0, (), 40.0), things, markers, style)
 
     state = state_of(Motion((1.0, -2.0, 0.5), turn, about))
-    meshes = glow.bake(state, solve_light(state))
-    velocity = glow.appearance(state, meshes).velocity_m_per_s
+    meshes = lit_scene.bake(state, solve_light(state))
+    velocity = lit_scene.appearance(state, meshes).velocity_m_per_s
     step_s = 1e-5
     before, after = (moved(meshes, state, sign * step_s).plates_m.mean(axis=1) for sign in (-1, 1))
     np.testing.assert_allclose(velocity, (after - before) / (2 * step_s), atol=1e-4)
     assert not velocity[1].any()
     by_hand = Rotation.from_rotvec(np.radians(turn) * 1e-6).apply(state.points_m[0] - about) + about
     np.testing.assert_allclose(velocity[0], (by_hand - state.points_m[0]) / 1e-6 + (1.0, -2.0, 0.5), atol=1e-4)
-    assert glow.appearance(state_of(None), meshes).velocity_m_per_s is None
+    assert lit_scene.appearance(state_of(None), meshes).velocity_m_per_s is None
 
 
 @pytest.mark.parametrize(
@@ -249,11 +250,11 @@ def moving_marker(white_e: float, way: float) -> tuple[Setup, RenderedView, np.n
     (board,) = setup.state.objects
     moving = dataclasses.replace(board, motion=Motion((speed, 0.0, 0.0)))
     state = dataclasses.replace(setup.state, objects=(moving,))
-    meshes = glow.bake(state, solve_light(state))
+    meshes = lit_scene.bake(state, solve_light(state))
     renderer = Renderer(state, meshes, backend.choose())
     view = renderer.render(renderer.request(setup.camera, setup.sensor, Sampling(noise_ratio=0.4)))
     model = pss.noise_model("physical", sensor=setup.sensor)
-    look = glow.appearance(state, meshes)
+    look = lit_scene.appearance(state, meshes)
     predicted = model.covariance(setup.camera, state.points_m, state.normals, look)[0]
     return setup, view, predicted
 

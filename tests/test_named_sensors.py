@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-import scenes.sensor_file
+import scenes.reading.sensor_file
 from scenes import SceneError, load_scene
-from scenes.schema import SensorFileSpec, SensorSpec
-from scenes.sensor_file import known_sensors, read_sensor
+from scenes.reading.sensor_file import known_sensors, read_sensor
+from scenes.schema.scene_tables import SensorFileSpec, SensorSpec
 
-FOLDER = Path(scenes.sensor_file.__file__).parent
+FOLDER = Path(scenes.reading.sensor_file.__file__).parent
 ROOM = (FOLDER / "room.toml").read_text()
 NAMES = ["low-light-large-pixel", "machine-vision-global-shutter", "surveillance-ptz"]
 # What public data sheets of each class leave room for: lowest and highest.

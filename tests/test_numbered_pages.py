@@ -12,7 +12,7 @@ import pytest
 from pss.errors import RangeError
 from render.backend import OLDEST_LLVM
 from scenes import load_scene
-from scenes.sweep_file import SWEEPS
+from scenes.steps.sweep_file import SWEEPS
 from tests import test_gate
 from validate import exit_codes
 from validate.findings.readme import BLOCKS, numbered_pages, readme_text, write_pages

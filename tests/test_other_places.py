@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import scenes.sweep_file
+import scenes.steps.sweep_file
 from pss import evaluate
 from scenes import load_scene
 
-FOLDER = Path(scenes.sweep_file.__file__).parent
+FOLDER = Path(scenes.steps.sweep_file.__file__).parent
 PLACES = ("room", "atrium", "studio")
 
 

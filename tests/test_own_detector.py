@@ -8,9 +8,9 @@ import re
 
 import numpy as np
 
-from render.exr import write_view
-from render.sampling import Sampling
-from render.view import ViewRequest
+from render.files.exr import write_view
+from render.lens.sampling import Sampling
+from render.renderer import ViewRequest
 from scenes import load_scene
 from tests.documents import DOCS, ROOT, blocks_of
 from tests.drawn_sweep import drawn

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from pss import Box, Rectangle, Sphere
-from render.patches import FINEST_PATCH_M, MOST_SPLIT_PATCHES, OBJECT_PATCH_M, scene_patches
-from render.state import Light, MarkerPrint, Panel, Room, SceneObject, SceneState
+from render.light.patches import FINEST_PATCH_M, MOST_SPLIT_PATCHES, OBJECT_PATCH_M, scene_patches
+from render.world.state import Light, MarkerPrint, Panel, Room, SceneObject, SceneState
 
 PRINT = MarkerPrint("DICT_4X4_100", 1.0, 0.85, 0.04)
 PLINTH = Box("plinth", (-0.3, -0.3, 0.0), (0.3, 0.3, 0.6))

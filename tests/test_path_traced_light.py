@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from benchmarks.path_traced import path_traced_irradiance
-from render.light import LIFT_M, form_factors, solve_light
-from render.state import Room
+from render.light.radiosity import LIFT_M, form_factors, solve_light
+from render.world.state import Room
 
 pytestmark = pytest.mark.render
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from render import backend
+from render.renderer import Renderer
 from render.sensor import expected_electrons
-from render.view import Renderer
 from validate.pixel_noise.design import COMBINATIONS, SAMPLING, SERIES, Shot, draw_factors, make_plan
 from validate.pixel_noise.estimates import PoseSpread, bias, detection_rate, percentile_error, spread
 from validate.pixel_noise.exponents import joint_exponents, log_variance, series_exponent

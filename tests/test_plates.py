@@ -10,9 +10,9 @@ import trimesh
 
 from pss import Box, Rectangle, Sphere
 from pss.surrogates import Mesh
-from render.state import Marker
-from scenes.layout import PLATE_OFFSET_M, marker_at, upwards
-from scenes.plates import FLOAT_M, stand_off_problem, surface_under
+from render.world.state import Marker
+from scenes.markers.layout import PLATE_OFFSET_M, marker_at, upwards
+from scenes.markers.plates import FLOAT_M, stand_off_problem, surface_under
 
 SIDE_M = 0.08
 BALL = Sphere("ball", (0.0, 0.0, 1.0), 0.3)

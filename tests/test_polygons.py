@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from pss import RangeError
 from pss.surrogates import Mesh
-from render.meshes import skin
+from render.world.meshes import skin
 
 # The L-shaped hexagon: 2 × 2 without a quarter.
 L_SHAPE = np.array([(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)], dtype=float)

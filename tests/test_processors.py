@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 
 from render import backend
-from render.sampling import Sampling
+from render.lens.sampling import Sampling
+from render.renderer import Renderer, ViewRequest, light_key
 from render.sensor import expected_electrons
-from render.view import Renderer, ViewRequest, light_key
 from tests.views import window
 from validate.acquire import baked
 from validate.measure import MeasureTask, load_measurement, measure

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from pss.surrogates import any_blocks
-from render.sampling import Sampling
-from render.view import RenderedView
+from render.lens.sampling import Sampling
+from render.renderer import RenderedView
 from validate.detect import find_markers
 from validate.localise import localise
 

@@ -19,7 +19,7 @@ import pytest
 import trimesh
 
 from pss import PTZCamera
-from render.state import Room
+from render.world.state import Room
 from tests.made_up_run import made_up_run
 from tests.test_sweep_run import SCENE, SELECTION
 from tests.test_trends import RISING

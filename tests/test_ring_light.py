@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 from pss import Appearance, PTZCamera, RangeError, evaluate
-from render import backend, glow, lens
-from render.light import UnitLight, solve_light
-from render.sampling import RingLight, Sampling, pixel_means, sample_image
-from render.state import Light, MarkerPrint, Panel, Room, SceneState
-from render.view import Renderer
+from render import backend
+from render.lens import thin_lens
+from render.lens.sampling import RingLight, Sampling, pixel_means, sample_image
+from render.light import lit_scene
+from render.light.radiosity import UnitLight, solve_light
+from render.renderer import Renderer
+from render.world.state import Light, MarkerPrint, Panel, Room, SceneState
 from scenes import SceneError, load_scene
 from tests.test_scene_files import ROOM
 
@@ -35,12 +37,12 @@ def bare_room() -> SceneState:
 def wall(mi):
     """A bare room under ring lights, loaded."""
     state = bare_room()
-    return glow.load_scene(glow.bake(state, solve_light(state)), mi)
+    return lit_scene.load_scene(lit_scene.bake(state, solve_light(state)), mi)
 
 
 def radiance_ahead(mi, scene, camera):
     ring = RingLight(camera.position_m, INTENSITY)
-    sampler = pixel_means(scene, lens.load_sensor(camera, mi), mi, None, ring)
+    sampler = pixel_means(scene, thin_lens.load_sensor(camera, mi), mi, None, ring)
     image = sample_image(
         sampler, camera.resolution, lambda x: np.ones_like(x), Sampling(fewest=64, most=64), np.random.default_rng(0)
     )
@@ -71,11 +73,11 @@ def test_prediction_and_render_have_the_same_light(mi):
     """The radiance that the noise factor reckons with, from `glow.appearance`, is that of the rendered plate."""
     room = load_scene(Path(__file__).parents[1] / "scenes" / "room.toml")
     state = dataclasses.replace(room.state, light=Light(0.0, (), INTENSITY))
-    meshes = glow.bake(state, solve_light(state))
+    meshes = lit_scene.bake(state, solve_light(state))
     renderer = Renderer(state, meshes, backend.choose())
     camera = dataclasses.replace(room.camera("4"), resolution=(640, 480), pixel_pitch_m=9.3e-6)
     view = renderer.render(renderer.request(camera, room.sensor, Sampling()))
-    look = glow.appearance(state, meshes)
+    look = lit_scene.appearance(state, meshes)
     assert look.ring_light
     compared = 0
     for index, marker in enumerate(state.markers):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pss import PTZCamera
-from render.state import Room
+from render.world.state import Room
 from tests.made_up_run import made_up_run
 from tests.made_up_schedule import made_up_schedule
 from tests.test_side_by_side_page import a_run

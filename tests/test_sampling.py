@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from render import lens
-from render.sampling import Sampling, pixel_means, sample_image, sobol_net
+from render.lens import thin_lens
+from render.lens.sampling import Sampling, pixel_means, sample_image, sobol_net
 from render.sensor import expected_electrons
 from tests.views import window
 
@@ -44,7 +44,7 @@ class Study:
         if focus_distance_m is not None:
             camera = dataclasses.replace(camera, focus_distance_m=focus_distance_m)
         self.camera, self.sensor, self.scene, self.mi = camera, room.sensor, renderer._scene, mi
-        self.film = lens.load_sensor(camera, mi)
+        self.film = thin_lens.load_sensor(camera, mi)
         self.sampler = pixel_means(self.scene, self.film, mi)
         self.electrons = expected_electrons(np.ones(camera.resolution[::-1]), camera, self.sensor).astype(np.float32)
         images = [self.render(Sampling(), seed) for seed in range(REPEATS)]

@@ -10,9 +10,9 @@ import pytest
 from scipy.ndimage import maximum_filter
 
 from pss import ImageSensor
-from render.sampling import Sampling, sample_image
+from render.lens.sampling import Sampling, sample_image
+from render.renderer import certify
 from render.sensor import capture, surely_saturated
-from render.view import certify
 from scenes import SceneError, load_scene
 
 ROOT = Path(__file__).parents[1]

@@ -23,8 +23,8 @@ import validate.scale.workers as dask_workers
 from pss import MissingLibraryError, PSSError, RangeError
 from render import backend
 from render.keys import light_key, state_key
-from render.sampling import Sampling
-from render.view import Certificate
+from render.lens.sampling import Sampling
+from render.renderer import Certificate
 from scenes import load_scene
 from tests.test_store_views import MARKER, REQUEST
 from tests.test_sweep_run import ALONE, DETERMINED, SCENE, SELECTION, SWEEP, command, run

@@ -11,14 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import scenes.sweep_file
+import scenes.steps.sweep_file
 from pss import ConstantVelocity, PSSError, RandomWalk, Rectangle, Sphere
 from scenes import SceneError, load_scene, load_sweep
-from scenes.dictionaries import DICTIONARIES
-from scenes.layout import PLATE_OFFSET_M, overlapping, plate_corners_m, upwards
-from scenes.schedule_file import load_schedule
+from scenes.markers.layout import PLATE_OFFSET_M, overlapping, plate_corners_m, upwards
+from scenes.schema.dictionaries import DICTIONARIES
+from scenes.steps.schedule_file import load_schedule
 
-FOLDER = Path(scenes.sweep_file.__file__).parent
+FOLDER = Path(scenes.steps.sweep_file.__file__).parent
 ROOM = (FOLDER / "room.toml").read_text()
 # Written beside no other file, where a sweep may name no scene in the folder above.
 ZOOM, SELECTION = (

@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import scenes.sweep_file
+import scenes.steps.sweep_file
 from pss import evaluate
-from render.sampling import Sampling
-from render.view import state_key
+from render.lens.sampling import Sampling
+from render.renderer import state_key
 from scenes import SceneError, known_sweeps, load_scene, load_sweep
 from validate.sweep import plan
 
-FOLDER = Path(scenes.sweep_file.__file__).parent
+FOLDER = Path(scenes.steps.sweep_file.__file__).parent
 EXPOSURE = (FOLDER / "sweeps" / "exposure.toml").read_text().replace("../bench", f"{FOLDER}/bench")
 FACTORS = {
     "aperture": 6,

@@ -8,9 +8,9 @@ import trimesh
 
 from pss import PTZCamera
 from pss.surrogates import Mesh
-from render import lens
-from render.sampling import pixel_means
-from render.traced_meshes import TracedMeshes
+from render.lens import thin_lens
+from render.lens.sampling import pixel_means
+from render.world.traced_meshes import TracedMeshes
 
 RAYS = 20_000
 # In single precision some ten in 50,000 rays at vertices, where six triangles meet, are lost; before, one in seven was.
@@ -58,7 +58,7 @@ def test_lines_of_sight_that_light_asks_for_have_no_seams(mi):
 @pytest.mark.render
 def test_a_closed_room_is_seen_at_a_finite_depth_everywhere(room_renderer, mi):
     """Pixel centres on the seam of two walls: the depth is that of their corner, √2 m, and the normal one of theirs."""
-    depth, normal, marker = room_renderer._first_hits(CORNER, lens.load_sensor(CORNER, mi))
+    depth, normal, marker = room_renderer._first_hits(CORNER, thin_lens.load_sensor(CORNER, mi))
     assert np.isfinite(depth).all()
     np.testing.assert_allclose(depth[:, 20], np.sqrt(2), atol=1e-3)
     np.testing.assert_allclose(np.abs(normal[:, 20]).sum(axis=-1), 1, atol=1e-6)
@@ -81,7 +81,7 @@ def test_no_sample_is_black_where_a_ray_slips_through(room_renderer, mi):
             return np.random.default_rng(0).integers(low, high, size=size, dtype=dtype)
 
     rng = FirstInTheMiddle()
-    mean, variance = pixel_means(room_renderer._scene, lens.load_sensor(CORNER, mi), mi)(column, 1, rng)
+    mean, variance = pixel_means(room_renderer._scene, thin_lens.load_sensor(CORNER, mi), mi)(column, 1, rng)
     first, lost = rng.draws
     assert first == 241
     assert lost > 10

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from render import glow
 from render.keys import light_key
-from render.light import UnitLight, solve_light
-from render.state import Light, Marker, MarkerPrint, Panel, Room, SceneState
+from render.light import lit_scene
+from render.light.radiosity import UnitLight, solve_light
+from render.world.state import Light, Marker, MarkerPrint, Panel, Room, SceneState
 from tests.views import an_awkward_view
 from validate.measure import MeasureTask, load_measurement
 from validate.run_sweep import main
@@ -84,7 +84,7 @@ def lit():
     )
     dark = dataclasses.replace(state, light=Light(0.0, (), 1.0))
     assert isinstance(solve_light(dark), UnitLight)
-    return state, glow.bake(state, solve_light(dark))
+    return state, lit_scene.bake(state, solve_light(dark))
 
 
 def test_light_comes_back(lit, tmp_path):

@@ -20,9 +20,9 @@ from rich.console import Console
 
 import validate.acquire as acquiring
 from pss import PTZCamera
-from render.exr import write_view
-from render.state import Light, Marker, Panel
-from render.view import random_stream, state_key
+from render.files.exr import write_view
+from render.renderer import random_stream, state_key
+from render.world.state import Light, Marker, Panel
 from tests.views import an_awkward_view
 from validate.acquire import Acquisition, acquire, with_whole_views
 from validate.progress import ViewProgress

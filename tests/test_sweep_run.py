@@ -16,7 +16,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from render.exr import read_view
+from render.files.exr import read_view
 
 pytestmark = pytest.mark.render
 

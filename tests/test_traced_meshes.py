@@ -9,8 +9,8 @@ import pytest
 
 from pss import Sphere
 from pss.surrogates import any_blocks
-from render.light import solve_light
-from render.traced_meshes import TracedMeshes, joined_meshes, with_traced_meshes
+from render.light.radiosity import solve_light
+from render.world.traced_meshes import TracedMeshes, joined_meshes, with_traced_meshes
 from scenes import load_scene
 
 HALLWAY = Path(__file__).parents[1] / "scenes" / "hallway.toml"

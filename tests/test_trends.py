@@ -170,7 +170,7 @@ def test_claims_are_asked_of_the_papers_scene_alone(made, monkeypatch):
     """The same sweep of zoom, as one of a room of one's own and as one of the paper's."""
     assert "The paper's claims" not in made.shown
     assert not any(claim_rows(result) for result in made.results)
-    monkeypatch.setattr("scenes.sweep_file.PAPER_SCENE", made.results[1].plan.scene.path)
+    monkeypatch.setattr("scenes.steps.sweep_file.PAPER_SCENE", made.results[1].plan.scene.path)
     assert [bool(claim_rows(result)) for result in made.results] == [False, True]
     text = io.StringIO()
     show(made.results, made.acquired, Console(file=text, width=300))

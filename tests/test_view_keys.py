@@ -15,10 +15,10 @@ from pss import Box, ImageSensor, PTZCamera, Rectangle, Sphere
 from pss.surrogates import Mesh
 from render.code_digest import Code
 from render.keys import light_key, random_stream, state_key
-from render.markers import pattern
-from render.sampling import Sampling
-from render.state import Light, Marker, MarkerPrint, Motion, Panel, Room, SceneObject, SceneState
-from render.view import ViewRequest
+from render.lens.sampling import Sampling
+from render.renderer import ViewRequest
+from render.world.marker_print import pattern
+from render.world.state import Light, Marker, MarkerPrint, Motion, Panel, Room, SceneObject, SceneState
 
 MARKER = Marker(5, "board", (0.0, -1.0, 1.3), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), 0.02)
 OBJECTS = (

@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from render.sampling import Sampling
+from render.lens.sampling import Sampling
 from scenes import load_scene, load_sweep
 from tests.test_sweep_run import SCENE, SWEEP
 from validate.report.files import stored_measurements

@@ -8,7 +8,7 @@ import scipy.stats
 
 from pss import ConstantVelocity, RangeError, ShapeError
 from scenes import load_scene
-from scenes.suit import SUIT_KEYS, SUIT_SIZE
+from scenes.markers.suit import SUIT_KEYS, SUIT_SIZE
 from validate.hallway.motion_misfit import misfit_rows, motion_misfit
 from validate.hallway.walk_consistency import consistency
 from validate.hallway.walk_filter import WalkTracks

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from pss import ImageSensor, PTZCamera
-from render.sampling import Sampling
-from render.view import Certificate, ViewRequest
+from render.lens.sampling import Sampling
+from render.renderer import Certificate, ViewRequest
 from tests.test_view_keys import STATE
 from validate.acquire import Acquired, Acquisition
 from validate.view_names import view_names

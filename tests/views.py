@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import ImageSensor, PTZCamera
-from render import lens
-from render.sampling import Sampling
-from render.state import Light, MarkerPrint, Room, SceneState
-from render.view import Certificate, RenderedView, ViewRequest
+from render.lens import thin_lens
+from render.lens.sampling import Sampling
+from render.renderer import Certificate, RenderedView, ViewRequest
+from render.world.state import Light, MarkerPrint, Room, SceneState
 
 Floats = NDArray[np.float64]
 
@@ -64,7 +64,7 @@ def render_part(
 ) -> tuple[Floats, Floats, Floats]:
     """A part of the image, `size` square about `middle_px`: its pixels, and the x and y that OpenCV gives them."""
     left, top = (round(float(middle)) - size // 2 for middle in middle_px)
-    sensor = lens.load_sensor(camera, mi)
+    sensor = thin_lens.load_sensor(camera, mi)
     parameters = mi.traverse(sensor)
     parameters["film.crop_offset"], parameters["film.crop_size"] = (left, top), (size, size)
     parameters.update()

@@ -12,11 +12,12 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TypeVar
 
-from render import backend, glow
+from render import backend
 from render.keys import light_code, light_key, state_key
-from render.light import solve_light
-from render.state import SceneState
-from render.view import Renderer
+from render.light import lit_scene
+from render.light.radiosity import solve_light
+from render.renderer import Renderer
+from render.world.state import SceneState
 from validate.acquisition import Acquired, Acquisition, LightError, by_state, said, views_of
 from validate.interruption import raise_if_interrupted
 from validate.measure import load_measurement, measure
@@ -136,7 +137,7 @@ def _find_appearances(
         if all(item.request.key in acquired.failed for item in members):
             continue  # so that light that cannot be solved is not tried once more
         try:
-            acquired.appearances[key] = glow.appearance(state, baked(state, store, chosen, progress.light_solved))
+            acquired.appearances[key] = lit_scene.appearance(state, baked(state, store, chosen, progress.light_solved))
         except StoreError:
             raise
         except Exception as error:
@@ -249,7 +250,7 @@ def baked(
     store: Store,
     chosen: backend.Backend | None = None,
     solved: Callable[[str, float], None] = lambda key, took_s: None,
-) -> glow.GlowMeshes:
+) -> lit_scene.GlowMeshes:
     """The lit scene of a state, from the store or solved now: by `chosen`'s rays where meshes stand in the way.
 
     Args:
@@ -263,7 +264,7 @@ def baked(
                 f"{store.light(key)} is missing, and its folder cannot be written; allowed is one that has it"
             )
         begin = time.perf_counter()
-        meshes = glow.bake(state, solve_light(state, backend.start(chosen) if chosen else None))
+        meshes = lit_scene.bake(state, solve_light(state, backend.start(chosen) if chosen else None))
         took_s = time.perf_counter() - begin
         save_light(store, key, meshes, light_code().digest, took_s)
         solved(state_key(state), took_s)

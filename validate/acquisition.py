@@ -6,8 +6,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 from pss import Appearance, PSSError, PTZCamera
-from render.sampling import Sampling
-from render.view import Certificate, ViewRequest, state_key
+from render.lens.sampling import Sampling
+from render.renderer import Certificate, ViewRequest, state_key
 from scenes import Scene
 from validate.measure import MeasureTask, ViewMeasurement
 from validate.store import Store

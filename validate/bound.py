@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 
 from pss import ImageSensor
-from render.markers import pattern
+from render.world.marker_print import pattern
 
 __all__ = ["centre_bound", "draw_finely", "fisher_information", "on_marker", "pixel_sums"]
 

@@ -31,7 +31,7 @@ from pss import PTZCamera, RangeError
 from pss.cameras.camera import MAX_ABS_TILT_DEG
 from pss.cameras.views import Views
 from pss.noise import PixelCovariance
-from render.view import random_stream
+from render.renderer import random_stream
 from validate.bank.measured import BankData
 from validate.triangulate import BLUNDER_INFLATION, BLUNDER_TAIL
 

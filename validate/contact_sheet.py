@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from render.view import RenderedView
+from render.renderer import RenderedView
 from validate.acquire import Acquisition
 from validate.detect import find_markers
 from validate.glyphs import glyph_runs

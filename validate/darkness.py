@@ -10,7 +10,7 @@ from pss.cameras.luminous import illuminance_lux
 from pss.cameras.views import Views
 from pss.noise.photometric import sides_e
 from pss.visibility.targets import LEAST_CONTRAST_OVER_NOISE, contrast_over_noise
-from render.state import SceneState
+from render.world.state import SceneState
 
 __all__ = ["brightest_in_view", "dark_words", "light_words", "markers_too_dark", "white_irradiance"]
 

@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from render.markers import predefined_dictionary
+from render.world.marker_print import predefined_dictionary
 
 __all__ = ["Found", "find_markers"]
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from render.backend import Backend
-from render.view import light_key
+from render.renderer import light_key
 from scenes import Scene, SweepFile
 from validate.acquire import Acquisition
 from validate.expose import with_exposures

@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from render.markers import pattern
+from render.world.marker_print import pattern
 
 __all__ = ["draw_exactly"]
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from render import glow
 from render.backend import Backend
-from render.exposure import ExposureChoice, choose_exposure
-from render.view import light_key, state_key
+from render.light import lit_scene
+from render.light.exposure import ExposureChoice, choose_exposure
+from render.renderer import light_key, state_key
 from scenes import Scene, SweepFile
 from validate.acquire import baked
 from validate.store import Store
@@ -67,7 +67,7 @@ def _choose(
         for configuration in sweep.configurations(with_its_cameras)
         for camera in configuration.cameras
     )
-    look = glow.appearance(state, baked(state, store, chosen_backend, solved))
+    look = lit_scene.appearance(state, baked(state, store, chosen_backend, solved))
     assert scene.auto_exposure is not None
     return choose_exposure(look, state.points_m, state.normals, cameras, scene.sensor, scene.auto_exposure)
 

@@ -69,9 +69,9 @@ LONGEST_LABEL, LEVEL_WIDTH = 26, 50
 ABOVE_OPTIMUM = 1.08
 # Modules that figures use and that do not draw: what they give is in the tables, which count by themselves.
 APART = (
-    "render.view",
+    "render.renderer",
     "scenes.scene",
-    "scenes.sweep_file",
+    "scenes.steps.sweep_file",
     "validate.acquire",
     "validate.acquisition",
     "validate.measure",

@@ -15,8 +15,8 @@ from matplotlib.figure import Figure, SubFigure
 from numpy.typing import NDArray
 
 from pss import PTZCamera
-from render.geometry import plate_corners
-from render.state import SceneState
+from render.world.geometry import plate_corners
+from render.world.state import SceneState
 from validate.names_beside import Name, grouped, names_beside
 from validate.projected import CELL_M, Eye, Patches, patches_of, room_edges, wall_patches
 from validate.report.frusta import frustum

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import ImageSensor
-from render.markers import pattern
+from render.world.marker_print import pattern
 from validate.coarse import coarse_fit
 from validate.registration import Fit, Linearised, Pixels, centre_of, local_scale, pixels_on
 from validate.template import DIAMETERS_PER_SIGMA, MarkerImage

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from pss import ImageSensor
 from render.code_digest import Code, code_of
 from render.keys import content_of, random_stream
-from render.markers import predefined_dictionary
 from render.sensor import capture, fixed_pattern
+from render.world.marker_print import predefined_dictionary
 from validate.detect import find_markers
 from validate.localise import localise
 from validate.store import Store

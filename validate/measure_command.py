@@ -50,7 +50,7 @@ def run(
         report: write report.html, which shows the run in a browser, and its scene as glTF.
         scale: where views are made (docs/scale.md).
     """
-    from scenes.document import named_file
+    from scenes.reading.document import named_file
     from validate.run import Options, execute
     from validate.run_messages import RunMessages
 

@@ -9,10 +9,10 @@ from typing import Annotated
 import tyro
 
 from pss import RangeError
-from scenes.reference import described_keys
-from scenes.schema import SceneSpec
-from scenes.spec import Spec
-from scenes.sweep_file import SweepSpec
+from scenes.reading.spec import Spec
+from scenes.schema.reference import described_keys
+from scenes.schema.scene_tables import SceneSpec
+from scenes.steps.sweep_file import SweepSpec
 from validate.program import named_as_called, program_name
 from validate.store import StoreError, write_text
 

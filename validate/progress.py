@@ -9,7 +9,7 @@ from types import TracebackType
 
 from rich.progress import BarColumn, Progress, TextColumn
 
-from render.view import ViewRequest
+from render.renderer import ViewRequest
 from validate.console import Console
 from validate.events import EventFile
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pss import Box, Rectangle, Sphere
 from pss.surrogates import Mesh
-from render.state import Room
+from render.world.state import Room
 
 __all__ = ["CELL_M", "Eye", "Patches", "patches_of", "room_edges", "wall_patches"]
 

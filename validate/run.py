@@ -12,7 +12,7 @@ from pathlib import Path
 from pss import RangeError
 from pss.json_text import json_text
 from render import backend
-from render.sampling import Sampling
+from render.lens.sampling import Sampling
 from scenes import Scene, SweepFile, known_sweeps
 from validate import claims, compare, figures, measurement, scales, slopes, summary, tables, trends
 from validate.acquire import Acquired, Acquisition, acquire, with_whole_views

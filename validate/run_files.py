@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from scenes import Scene, SceneError, SweepFile, load_scene, load_sweep
-from scenes.measurement import measurement_of
+from scenes.steps.measurement import measurement_of
 
 __all__ = ["load_measurement_of", "load_sweeps"]
 

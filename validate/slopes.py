@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pss.errors import ShapeError
-from render.view import random_stream
+from render.renderer import random_stream
 from validate.errors3d import MeasuredErrors
 from validate.intervals import interval
 from validate.replicates import sweep_replicates

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from render.glow import GlowMeshes
-from render.state import SceneState
+from render.light.lit_scene import GlowMeshes
+from render.world.state import SceneState
 from validate.store import Store
 from validate.stored_arrays import Arrays, check_arrays
 

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from pss import RangeError
-from render.exr import ImageFileError, ViewPlanes, read_planes, read_view, write_view
+from render.files.exr import ImageFileError, ViewPlanes, read_planes, read_view, write_view
 from render.keys import view_code
-from render.view import Certificate, RenderedView, ViewRequest
+from render.renderer import Certificate, RenderedView, ViewRequest
 from validate.store import Store, StoreError
 from validate.whole_files import disk_full, free_bytes
 
@@ -25,7 +25,7 @@ __all__ = [
     "stored_view",
 ]
 
-# Uncompressed bytes a pixel: four channels of four and three of two (`render.exr`).
+# Uncompressed bytes a pixel: four channels of four and three of two (`render.files.exr`).
 BYTES_A_PIXEL = 22
 
 

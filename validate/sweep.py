@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import RangeError
-from render.sampling import Sampling
-from render.view import random_stream, state_key
+from render.lens.sampling import Sampling
+from render.renderer import random_stream, state_key
 from scenes import Configuration, Scene, SweepFile
 from validate.acquire import Acquired, Acquisition, views_of
 from validate.assess import Assessment, assess

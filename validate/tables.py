@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import Evaluation
-from render.view import Certificate
+from render.renderer import Certificate
 from scenes import Configuration
 from validate.acquire import Acquired, Acquisition
 from validate.assess import Assessment, Measured

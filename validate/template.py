@@ -17,7 +17,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from render.markers import pattern
+from render.world.marker_print import pattern
 from validate.blurred_step import DIAMETERS_PER_SIGMA, blurred_steps, reach
 
 __all__ = ["DIAMETERS_PER_SIGMA", "PIXEL_VARIANCE_PX2", "MarkerImage", "Seen", "sharp_image"]

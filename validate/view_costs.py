@@ -37,7 +37,7 @@ CGROUP_LIMITS = (Path("/sys/fs/cgroup/memory.max"), Path("/sys/fs/cgroup/memory/
 
 
 def render_seconds(pixels: int, noise_ratio: float = USUAL_RATIO) -> float:
-    """s, for a view of so many pixels with a bound on its sampling noise (`render.sampling.Sampling`)."""
+    """s, for a view of so many pixels with a bound on its sampling noise (`render.lens.sampling.Sampling`)."""
     a_pixel = RENDER_CPU_S_PER_PIXEL / CORES
     fixed = EXPECTED_SECONDS - a_pixel * REFERENCE_PIXELS
     return fixed + a_pixel * pixels * _effort(noise_ratio) / _effort(USUAL_RATIO)

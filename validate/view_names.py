@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from render.view import ViewRequest
+from render.renderer import ViewRequest
 from validate.acquire import Acquisition
 from validate.sweep import Plan
 

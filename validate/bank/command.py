@@ -17,7 +17,7 @@ from pss.json_text import json_text
 from pss.noise import Calibration
 from render import backend
 from scenes import Scene, load_scene
-from scenes.sweep_file import SWEEPS
+from scenes.steps.sweep_file import SWEEPS
 from validate.acquire import Acquired
 from validate.bank.ceilings import oracle_rows, parts_rows
 from validate.bank.design import BankDesign, ViewBank, detection_views, held_out_views, training_views

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from pss import PTZCamera, RangeError
 from pss.cameras.camera import MAX_ABS_TILT_DEG
-from render.sampling import Sampling
-from render.view import random_stream
+from render.lens.sampling import Sampling
+from render.renderer import random_stream
 from scenes import Scene
 from validate.acquire import Acquired, Acquisition, views_of
 from validate.bank.phase import joined, turned
@@ -63,7 +63,7 @@ class BankDesign:
         detection_settings: further views of each training camera, of one render each, for the probability of detection.
         detection_zoom: their smallest and largest zoom.
         detection_focus: their nearest and farthest focus, in distances to the middle of the points.
-        noise_ratio: bound on the sampling noise (`render.sampling.Sampling`).
+        noise_ratio: bound on the sampling noise (`render.lens.sampling.Sampling`).
         seed: of settings, captures and draws.
     """
 

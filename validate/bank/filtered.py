@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pss.processes.process import ProcessModel
 from pss.riccati.covariances import largest_standard_deviation
-from render.view import random_stream
+from render.renderer import random_stream
 from validate.bank.measured import BankData, ConfigurationErrors
 from validate.bank.workers import workers_context
 from validate.errors3d import measured_inverse_sigma

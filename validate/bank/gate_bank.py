@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import Appearance, NoiseModel, evaluate_many
-from render.sampling import Sampling
-from render.view import ViewRequest
+from render.lens.sampling import Sampling
+from render.renderer import ViewRequest
 from scenes import Scene, load_scene
-from scenes.sweep_file import SWEEPS
+from scenes.steps.sweep_file import SWEEPS
 from validate.acquire import Acquired, Acquisition
 from validate.assess import triangulated_errors
 

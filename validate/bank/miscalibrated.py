@@ -13,9 +13,9 @@ from pss.cameras.views import Views
 from pss.json_text import json_text
 from pss.visibility.points import visible_in
 from render import backend
-from render.view import random_stream
+from render.renderer import random_stream
 from scenes import Scene, load_scene
-from scenes.sweep_file import SWEEPS
+from scenes.steps.sweep_file import SWEEPS
 from validate.acquire import Acquired
 from validate.bank.design import BankDesign, ViewBank, draw_configurations, held_out_views, training_views
 from validate.bank.miscalibrated_figure import draw

@@ -14,7 +14,7 @@ from rich.table import Table
 
 from pss import RangeError
 from scenes import load_scene
-from scenes.document import named_file, read_toml
+from scenes.reading.document import named_file, read_toml
 from validate.check.foreseen import Foreseen, camera_rows, foresee, headline, marker_rows, model_rows
 from validate.check.warnings import warnings_of
 from validate.console import Console

@@ -19,8 +19,8 @@ from pss.visibility.targets import (
     contrast_over_noise,
     narrow_side_px,
 )
-from render.estimated_light import estimated_appearance
-from render.exposure import choose_exposure
+from render.light.estimated_light import estimated_appearance
+from render.light.exposure import choose_exposure
 from scenes import Scene
 from validate.assess import predict
 from validate.darkness import white_irradiance

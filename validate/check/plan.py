@@ -18,9 +18,9 @@ from scipy.spatial import ConvexHull
 
 from pss import Box, PTZCamera, Rectangle, Sphere
 from pss.surrogates import Mesh
-from render.geometry import plate_corners
-from render.state import SceneObject
-from scenes.dictionaries import DICTIONARIES
+from render.world.geometry import plate_corners
+from render.world.state import SceneObject
+from scenes.schema.dictionaries import DICTIONARIES
 from validate.check.camera_table import MOST_BESIDE, camera_colour, draw_below, draw_beside, height_below_in
 from validate.check.foreseen import ENOUGH, Foreseen, headline
 from validate.glyphs import settle_words

@@ -15,7 +15,7 @@ from pss.json_text import json_text
 from pss.noise import Calibration
 from render import backend
 from scenes import load_scene
-from scenes.schedule_file import load_schedule
+from scenes.steps.schedule_file import load_schedule
 from validate.acquire import Acquired, acquire, with_whole_views
 from validate.bank.study import FREE_MODELS, check_models, judged, scene_contenders
 from validate.compare import correlation_rows

@@ -14,7 +14,7 @@ from PIL import Image
 from pss import RangeError
 from pss.errors import MissingLibraryError
 from pss.processes.process import require_positive
-from render.state import Room
+from render.world.state import Room
 from validate.hallway.picture import PICTURE_PX, FilmFrame, draw_frame
 from validate.store import atomic_path
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss.noise import Calibration
-from render.view import random_stream, state_key
+from render.renderer import random_stream, state_key
 from validate.acquire import Acquired
 from validate.assess import measure_configuration
 from validate.bank.study import scene_contenders

@@ -17,7 +17,7 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from pss import PTZCamera, RangeError, ShapeError
-from render.state import Room
+from render.world.state import Room
 from validate.figures import MEASURED, MODEL_COLOURS
 from validate.glyphs import settle_words
 from validate.hallway.wedge import footprint_m, wedge_m

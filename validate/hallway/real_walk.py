@@ -18,10 +18,10 @@ from pss import ConstantVelocity, evaluate
 from pss.errors import RangeError
 from pss.noise import Calibration
 from pss.processes.own_process import LinearProcess
-from render.view import state_key
+from render.renderer import state_key
 from scenes import Scene
-from scenes.schedule_file import ScheduleFile
-from scenes.suit import ids_on
+from scenes.markers.suit import ids_on
+from scenes.steps.schedule_file import ScheduleFile
 from validate.acquire import Acquired, Acquisition
 from validate.bank.study import FULL_MODEL, scene_contenders
 from validate.hallway.motion_misfit import misfit_rows, motion_misfit

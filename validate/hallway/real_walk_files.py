@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from render.view import random_stream
+from render.renderer import random_stream
 from validate.hallway.film import write_film
 from validate.hallway.picture import FilmFrame
 from validate.hallway.real_walk import TrackedWalk

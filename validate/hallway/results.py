@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from render.view import random_stream
+from render.renderer import random_stream
 from scenes import Configuration
 from validate.assess import Assessment
 from validate.flatness import EXCHANGES

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from pss import PTZCamera
 from pss.cameras.motor_limits import PTZLimits
-from render.sampling import Sampling
+from render.lens.sampling import Sampling
 from scenes import Scene
-from scenes.schedule_file import MotorsSpec, ScheduleFile, TrackingSpec
+from scenes.steps.schedule_file import MotorsSpec, ScheduleFile, TrackingSpec
 from validate.acquire import Acquisition, views_of
 from validate.hallway.stage import Stage
 from validate.hallway.state import Plan

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenes import Scene, SceneError
-from scenes.avatar import Stance
-from scenes.avatar_schema import AvatarSpec, stance_of
-from scenes.gait import stride_of_speed
-from scenes.schedule_file import ScheduleFile
+from scenes.people.avatar import Stance
+from scenes.people.gait import stride_of_speed
+from scenes.schema.avatar import AvatarSpec, stance_of
+from scenes.steps.schedule_file import ScheduleFile
 from validate.hallway.walk import Passing, passing
 
 __all__ = ["BOTH", "Stage", "stage_of", "stance_in"]

@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from pss import RangeError
-from render.view import random_stream
+from render.renderer import random_stream
 from scenes.errors import nearest
 from validate.hallway.state import Assignment, StrategyState
 

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from pss import Appearance, Evaluation, PTZCamera, evaluate_many
 from pss.noise import Calibration
-from render.view import random_stream, state_key
+from render.renderer import random_stream, state_key
 from scenes import Scene
-from scenes.schedule_file import ScheduleFile
+from scenes.steps.schedule_file import ScheduleFile
 from validate.acquire import Acquired, Acquisition
 from validate.assess import Assessment, Measured, measure_configuration
 from validate.bank.predicted import Contender

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pss import Box
 from pss.surrogates import Cylinder, Mesh, Surrogate, on_box, on_cylinder, on_mesh
-from render.state import SceneState
+from render.world.state import SceneState
 from validate.hallway.state import Avatar
 
 __all__ = ["CYLINDER_RADIUS_M", "avatar_like"]
@@ -24,7 +24,7 @@ def avatar_like(kind: str, state: SceneState, name: str, middle_m: Floats) -> Av
     """The surrogate of the person called `name`, about its middle.
 
     Args:
-        kind: one of `scenes.schedule_file.SURROGATES`.
+        kind: one of `scenes.steps.schedule_file.SURROGATES`.
         state: in which it stands, at `middle_m`, m, (3,).
     """
     (mesh,) = (item.shape for item in state.objects if item.shape.name == name)

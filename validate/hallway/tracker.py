@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pss import ConstantVelocity, RangeError, ShapeError
 from pss.processes.process import require_positive
-from render.view import random_stream
+from render.renderer import random_stream
 
 __all__ = ["Measure", "Track", "Tracking", "noisy_positions"]
 

@@ -16,9 +16,9 @@ from pss import PTZCamera, RangeError
 from pss.cameras.motors import fitting_zoom
 from pss.cameras.views import Views
 from pss.noise import CALIBRATION_FACTORS, SCALED_MODELS, Calibration
-from render.view import random_stream, state_key
+from render.renderer import random_stream, state_key
 from scenes import Scene
-from scenes.schedule_file import ScheduleFile
+from scenes.steps.schedule_file import ScheduleFile
 from validate.acquire import Acquired, Acquisition
 from validate.calibrate import (
     PixelMoments,

@@ -17,9 +17,9 @@ from scipy.spatial.transform import Rotation
 
 from pss import RangeError, ShapeError
 from pss.cameras.camera import as_points
-from render.state import Marker
-from scenes.avatar import Stance, avatar_frames
-from scenes.suit import ids_on
+from render.world.state import Marker
+from scenes.markers.suit import ids_on
+from scenes.people.avatar import Stance, avatar_frames
 from validate.store import write_text
 
 __all__ = ["Poses", "body_poses", "torso_pose", "torso_reference_m", "write_tum", "write_walk"]
@@ -28,7 +28,8 @@ Floats = NDArray[np.float64]
 Poses = tuple[Floats, Rotation]
 """Metres, the positions of a body's reference origin, (K, 3), and the K rotations from its axes to the world's."""
 
-# Trunk from the hips to the shoulders: one part in `scenes.body`, so chest and pelvis don't turn against each other.
+# Trunk from the hips to the shoulders: one part in `scenes.people.body`, so chest and pelvis don't turn against each
+# other.
 TORSO = "torso"
 POSE_MARKERS = 3
 # Markers that are off a line by less than a thousandth of its length (half a millimetre on a torso, a plate's own

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import PTZCamera
-from render.state import Room
+from render.world.state import Room
 
 __all__ = ["footprint_m", "wedge_m"]
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from pss import ImageSensor
-from render.sampling import Sampling
-from render.view import ViewRequest, random_stream
+from render.lens.sampling import Sampling
+from render.renderer import ViewRequest, random_stream
 from validate.pixel_noise.laboratory import Factors, Setup, draw_poses
 
 __all__ = ["COMBINATIONS", "SERIES", "Plan", "Series", "Shot", "make_plan"]

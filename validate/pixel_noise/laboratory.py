@@ -18,10 +18,10 @@ from scipy.stats import qmc
 
 from pss import Appearance, ImageSensor, PTZCamera, Rectangle, noise_model
 from pss.cameras.photometry import electrons_per_radiance
-from render import glow
-from render.light import solve_light
-from render.markers import predefined_dictionary
-from render.state import Light, Marker, MarkerPrint, Room, SceneObject, SceneState
+from render.light import lit_scene
+from render.light.radiosity import solve_light
+from render.world.marker_print import predefined_dictionary
+from render.world.state import Light, Marker, MarkerPrint, Room, SceneObject, SceneState
 from validate.bound import centre_bound, draw_finely
 
 __all__ = ["DICTIONARY", "Factors", "Pose", "Setup", "draw_poses"]
@@ -192,9 +192,9 @@ class Setup:
         fine = draw_finely(DICTIONARY, self.pose.marker_id, homography, shape, levels, self.factors.cc_px, fine_enough)
         return centre_bound(fine, fine_enough, homography, MODULES, self.sensor)
 
-    def baked(self) -> glow.GlowMeshes:
+    def baked(self) -> lit_scene.GlowMeshes:
         """The lit scene."""
-        return glow.bake(self.state, solve_light(self.state))
+        return lit_scene.bake(self.state, solve_light(self.state))
 
     def physical_px2(self) -> Floats:
         """px², (2, 2), the covariance that the `physical` noise model predicts for an average tag."""

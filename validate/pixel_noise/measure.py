@@ -17,8 +17,8 @@ from pss import ImageSensor
 from render import backend
 from render.code_digest import Code, code_of
 from render.keys import content_of, random_stream, view_code
+from render.renderer import Renderer
 from render.sensor import FixedPattern, capture, expected_electrons, fixed_pattern
-from render.view import Renderer
 from validate.measure import APART as MEASURE_APART
 from validate.measure import measure_capture
 from validate.pixel_noise.design import Plan, Shot

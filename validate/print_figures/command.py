@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 
 from pss import RangeError
 from render import backend
-from render.sampling import Sampling
+from render.lens.sampling import Sampling
 from scenes import load_scene, load_sweep
-from scenes.schedule_file import load_schedule
+from scenes.steps.schedule_file import load_schedule
 from validate.acquire import Acquired, Acquisition, acquire
 from validate.console import Console
 from validate.folder_lock import alone_in

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from pss import Box, Rectangle, Sphere
 from pss.surrogates import Mesh
-from render.geometry import tile_sphere
-from render.state import SceneState
+from render.world.geometry import tile_sphere
+from render.world.state import SceneState
 
 __all__ = ["coarse", "object_meshes"]
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from pss import PTZCamera
 from pss.surrogates import any_blocks
-from render.markers import pattern
-from render.state import Marker, SceneState
+from render.world.marker_print import pattern
+from render.world.state import Marker, SceneState
 from validate.check.foreseen import LARGEST_BLUR_MODULES, SMALLEST_MODULE_PX
 
 __all__ = ["CAUSES", "causes", "in_words"]

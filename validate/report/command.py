@@ -13,10 +13,11 @@ import tyro
 
 from pss import Evaluation
 from pss.json_text import as_json
-from render import backend, glow
+from render import backend
 from render.code_digest import code_of
-from render.sampling import Sampling
-from render.view import state_key
+from render.lens.sampling import Sampling
+from render.light import lit_scene
+from render.renderer import state_key
 from scenes import load_scene, load_sweep
 from validate.acquire import Acquisition, baked
 from validate.assess import predict
@@ -185,7 +186,7 @@ def _from_store(made: Plan, labels: tuple[str, ...], store: Store, chosen: backe
         state = configuration.scene.state
         key = state_key(state)
         if key not in looks:
-            looks[key] = glow.appearance(state, baked(state, store, chosen))
+            looks[key] = lit_scene.appearance(state, baked(state, store, chosen))
         predictions.append(predict(configuration.scene, configuration.cameras, looks[key]))
     return SweepForReport(made, labels, tuple(predictions), measured)
 

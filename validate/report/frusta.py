@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from trimesh.intersections import slice_faces_plane
 
 from pss import PTZCamera
-from render.state import Room
+from render.world.state import Room
 
 __all__ = ["Frustum", "frustum", "room_corners"]
 

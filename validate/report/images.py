@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import PTZCamera
-from render.exr import ViewPlanes
+from render.files.exr import ViewPlanes
 from render.sensor import expected_electrons
-from render.state import Marker, SceneState
+from render.world.state import Marker, SceneState
 from validate.report.causes import causes
 from validate.report.space import PLATE_MODULES
 from validate.report.steps import Step

@@ -14,7 +14,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from render.geometry import plate_corners
+from render.world.geometry import plate_corners
 from validate.file_names import model_file
 from validate.report.bodies import object_meshes
 from validate.report.data import KINDS

@@ -96,7 +96,8 @@ class Given:
         Raises:
             StoreError: it may not.
         """
-        # A file that the user gave, or of the project, may name scenes near it, as everywhere (`scenes.inside`).
+        # A file that the user gave, or of the project, may name scenes near it, as everywhere
+        # (`scenes.reading.inside`).
         if file not in self.files and is_inside(file, [folder]):
             self._check(folder, "scene", str(scene), "--scene")
 

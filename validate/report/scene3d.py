@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from render.state import Room
+from render.world.state import Room
 from validate.report.data import SweepTable
 from validate.report.shades import scales
 from validate.report.traces import Choice, Figure, ref

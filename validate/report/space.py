@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import PTZCamera
-from render.geometry import plate_corners
-from render.state import SceneState
+from render.world.geometry import plate_corners
+from render.world.state import SceneState
 from validate.report.bodies import MOST_FACES_DRAWN, object_meshes
 from validate.report.data import KINDS, MM, SweepTable
 from validate.report.frusta import Frustum, frustum, room_corners

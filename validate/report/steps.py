@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import Evaluation, PTZCamera
-from render.state import SceneState
+from render.world.state import SceneState
 from validate.acquire import Acquisition
 from validate.measure import ViewMeasurement
 from validate.sweep import Plan

@@ -6,7 +6,7 @@ import pickle
 from collections.abc import Sequence
 
 from render.backend import Backend
-from render.view import light_key, state_key
+from render.renderer import light_key, state_key
 from validate.acquisition import Acquired, Acquisition, by_state, said
 from validate.interruption import raise_if_interrupted
 from validate.progress import ViewProgress

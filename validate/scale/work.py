@@ -16,9 +16,9 @@ import cv2
 
 from pss import ImageSensor, PTZCamera
 from render import backend
-from render.sampling import Sampling
-from render.state import SceneState
-from render.view import Certificate, Renderer, ViewRequest, state_key
+from render.lens.sampling import Sampling
+from render.renderer import Certificate, Renderer, ViewRequest, state_key
+from render.world.state import SceneState
 from validate.acquire import baked
 from validate.acquisition import Acquisition, LightError, said
 from validate.measure import load_measurement, measure

@@ -10,9 +10,10 @@ from typing import Any
 from pss import Evaluation
 from pss.json_text import as_json
 from pss.noise import Calibration
-from render import backend, glow
+from render import backend
+from render.light import lit_scene
 from scenes import load_scene
-from scenes.schedule_file import load_schedule
+from scenes.steps.schedule_file import load_schedule
 from validate.acquire import Acquisition, baked
 from validate.bank.study import scene_contenders
 from validate.hallway.own_strategy import own_strategy
@@ -142,7 +143,7 @@ def _predictions(
     markers, predictions = design.stage.groups[BOTH], []
     for step, scene in enumerate(design.scenes):
         cameras = [design.runs[run].steered.cameras[step] for run, at in found.places if at == step]
-        look = glow.appearance(scene.state, baked(scene.state, store, chosen))
+        look = lit_scene.appearance(scene.state, baked(scene.state, store, chosen))
         contenders = [c for c in scene_contenders(scene, calibration) if c.name in MODELS]
         of_models = {c.name: predicted_at(scene, cameras, c, look, markers) for c in contenders}
         predictions += _by_step(of_models, len(cameras))

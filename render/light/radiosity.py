@@ -1,0 +1,173 @@
+"""Light in a diffuse room: irradiance by radiosity, solved once per scene state and then looked up by every view.
+
+Because no view samples the light again, shading and soft shadows put no noise into the images that the detector could
+mistake for its own. Lambert's formula gives the form factor from a point to a polygon exactly; what lies between them
+is asked of the same shapes that the metric asks. Approximations: a patch is hidden whole or not at all (by its centre);
+each patch has one radiosity; lamps hide nothing, for which the ceiling above them reflects nothing.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pss.surrogates import Shape, any_blocks
+from render.light.patches import scene_patches
+from render.world.state import SceneState
+from render.world.traced_meshes import with_traced_meshes
+
+__all__ = ["Radiosity", "UnitLight", "form_factors", "solve_light", "solve_radiosity"]
+
+Floats = NDArray[np.float64]
+
+# Receivers are lifted off their surface, since a point in a polygon's own plane or corner has no solid angle.
+LIFT_M = 1e-3
+# Some hundred thousand pairs of receiver and patch: what is computed of them fits the processor's cache, nearly.
+RECEIVERS_AT_ONCE = 128
+
+
+@dataclass(frozen=True)
+class Radiosity:
+    """The solved light of a scene state.
+
+    Attributes:
+        corners_m: m, the patches, (P, 4, 3); a triangle repeats its last corner.
+        centres_m: m, the points on the true surfaces by which the patches are seen, (P, 3).
+        normals: unit normals of the patches, (P, 3).
+        radiosity: W/m² that leaves each patch, (P,).
+        occluders: the shapes that cast shadows.
+    """
+
+    corners_m: Floats
+    centres_m: Floats
+    normals: Floats
+    radiosity: Floats
+    occluders: tuple[Shape, ...]
+
+    def irradiance(self, points_m: Floats, normals: Floats) -> Floats:
+        """W/m² that arrives at `points_m` (N, 3) on surfaces with unit `normals` (N, 3); shape (N,)."""
+        patches = self.corners_m, self.centres_m, self.normals
+
+        def arriving(part: slice) -> Floats:
+            return _seen_form_factors(points_m[part], normals[part], *patches, self.occluders) @ self.radiosity
+
+        return _in_parts(arriving, len(points_m)) if len(points_m) else np.zeros(0)
+
+
+@dataclass(frozen=True)
+class UnitLight:
+    """One W/m² on every surface: under ring lights a view scales it by its own camera's light."""
+
+    def irradiance(self, points_m: Floats, normals: Floats) -> Floats:
+        """W/m² at `points_m` (N, 3): ones, (N,)."""
+        return np.ones(len(points_m))
+
+
+def solve_light(state: SceneState, mi: Any | None = None) -> Radiosity | UnitLight:
+    """What irradiance is looked up from: the inter-reflection of the lamps' light, or ones under ring lights.
+
+    Args:
+        mi: Mitsuba, to be asked what meshes hide; None asks the metric's own meshes, which takes much longer.
+    """
+    return UnitLight() if state.light.ring_w_per_sr > 0 else solve_radiosity(state, mi)
+
+
+def solve_radiosity(state: SceneState, mi: Any | None = None) -> Radiosity:
+    """Solve the inter-reflection of the scene's surfaces: B = M + ρ F B over its patches; `mi` as in `solve_light`."""
+    patches = scene_patches(state)
+    corners, centres, normals = patches.corners_m, patches.centres_m, patches.normals
+    occluders = with_traced_meshes(state.occluders, mi)
+
+    def factors(part: slice) -> Floats:
+        return _seen_form_factors(centres[part], normals[part], corners, centres, normals, occluders)
+
+    received = _in_parts(factors, len(centres))
+    radiosity = np.linalg.solve(np.eye(len(centres)) - patches.albedo[:, None] * received, patches.emitted)
+    return Radiosity(corners, centres, normals, radiosity, occluders)
+
+
+def form_factors(points_m: Floats, normals: Floats, corners_m: Floats) -> Floats:
+    """Share of a Lambertian receiver's irradiance that a polygon could give, by Lambert's formula; (M,).
+
+    Args:
+        points_m, normals: receivers, (M, 3) each.
+        corners_m: m, each receiver's polygon (M, 4, 3), counter-clockwise as seen from its bright side.
+    """
+    starts = np.ascontiguousarray((corners_m - points_m[:, None]).transpose(2, 1, 0))
+    return _of_rays(starts, np.ascontiguousarray(normals.T))
+
+
+def _of_rays(starts: Floats, normals: Floats) -> Floats:
+    """Form factors (M,) of quadrilaterals with corners (3, 4, M) from receivers at 0 with unit normals (3, M).
+
+    The components come first: three long arrays are quicker than many short vectors.
+    """
+    heights = (starts * normals[:, None]).sum(axis=0)
+    factors = _lambert(starts, np.roll(starts, -1, axis=1), normals)
+    cut = np.flatnonzero((heights < 0).any(axis=0))
+    begins = starts[:, :, cut].transpose(2, 1, 0)
+    risen = _above_horizon(begins, np.roll(begins, -1, axis=1), heights[:, cut].T)
+    factors[cut] = _lambert(*(edges.transpose(2, 1, 0) for edges in risen), normals[:, cut])
+    return factors
+
+
+def _lambert(starts: Floats, ends: Floats, normals: Floats) -> Floats:
+    """Form factors of polygons by edges, (3, K, M) from the receiver: Σ angle · (normal of its plane · n)/2π."""
+    (a, b, c), (d, e, f) = starts, ends
+    x, y, z = b * f - c * e, c * d - a * f, a * e - b * d
+    sine = np.sqrt(x * x + y * y + z * z)
+    angle = np.arctan2(sine, a * d + b * e + c * f)
+    # An edge without length, such as a repeated corner, has no angle and no direction: it adds nothing.
+    along_normal = (x * normals[0] + y * normals[1] + z * normals[2]) / np.maximum(sine, 1e-300)
+    return np.asarray(-(angle * along_normal).sum(axis=0) / (2 * np.pi))
+
+
+def _above_horizon(starts: Floats, ends: Floats, heights: Floats) -> tuple[Floats, Floats]:
+    """The edges (M, K + 1, 3) of what rises over the receiver's horizon of convex polygons with edges (M, K, 3)."""
+    following = np.roll(heights, -1, axis=1)
+    sets, rises = (heights >= 0) & (following < 0), (heights < 0) & (following >= 0)
+    share = heights / np.where(sets | rises, heights - following, 1.0)
+    crossings = starts + share[..., None] * (ends - starts)
+    from_start = np.where((heights >= 0)[..., None], starts, crossings)
+    to_end = np.where((following >= 0)[..., None], ends, crossings)
+    below = (heights < 0) & (following < 0)
+    to_end = np.where(below[..., None], from_start, to_end)
+    # The edge along the horizon, from where the polygon sets to where it rises again.
+    setting, rising = ((mask[..., None] * crossings).sum(axis=1, keepdims=True) for mask in (sets, rises))
+    return np.concatenate([from_start, setting], axis=1), np.concatenate([to_end, rising], axis=1)
+
+
+def _seen_form_factors(
+    points_m: Floats,
+    normals: Floats,
+    corners_m: Floats,
+    centres_m: Floats,
+    patch_normals: Floats,
+    occluders: tuple[Shape, ...],
+) -> Floats:
+    """Form factors (N, P) from receivers (N, 3) to the patches that they see."""
+    receivers = points_m + LIFT_M * normals
+    in_front_of_patch = receivers @ patch_normals.T > (corners_m[:, 0] * patch_normals).sum(axis=-1)
+    highest_corner = np.einsum("ni,pki->npk", normals, corners_m).max(axis=-1)
+    above_horizon = highest_corner > (receivers * normals).sum(axis=-1)[:, None]
+    receiver, patch = np.nonzero(in_front_of_patch & above_horizon)
+    ends = (centres_m + LIFT_M * patch_normals)[patch]
+    clear = ~any_blocks(occluders, receivers[receiver], ends)
+    receiver, patch = receiver[clear], patch[clear]
+    factors = np.zeros((len(points_m), len(corners_m)))
+    starts = corners_m.transpose(2, 1, 0)[:, :, patch] - receivers.T[:, None, receiver]
+    factors[receiver, patch] = np.maximum(_of_rays(starts, normals.T[:, receiver]), 0.0)
+    return factors
+
+
+def _in_parts(compute: Callable[[slice], Floats], count: int) -> Floats:
+    """What `compute` says of slices of `count` receivers, joined; in threads, since numpy lets others run meanwhile."""
+    parts = [slice(start, start + RECEIVERS_AT_ONCE) for start in range(0, count, RECEIVERS_AT_ONCE)]
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        return np.concatenate(list(pool.map(compute, parts)))

@@ -1,0 +1,1 @@
+"""Where markers are on objects, meshes and people, and whether their plates have room there."""

@@ -1,0 +1,1 @@
+"""Walking people: body, gait and pose."""

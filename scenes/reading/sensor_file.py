@@ -1,0 +1,45 @@
+"""Named sensors: each a file in `scenes/sensors`, from which a scene's [sensor] starts when it says `name`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from scenes.errors import Problems, nearest
+from scenes.reading.document import read_toml
+
+__all__ = ["known_sensors", "read_sensor", "start_from_named_sensor"]
+
+SENSORS = Path(__file__).parents[1] / "sensors"
+
+
+def known_sensors() -> list[str]:
+    """Names of the sensors that come with the project."""
+    return sorted(file.stem for file in SENSORS.glob("*.toml"))
+
+
+def read_sensor(name: str) -> dict[str, Any]:
+    """What the named sensor says: keys of [sensor], without those of its exposure.
+
+    Raises:
+        SceneError: there is no such file, or it is no TOML.
+    """
+    return read_toml(SENSORS / f"{name}.toml")
+
+
+def start_from_named_sensor(problems: Problems) -> None:
+    """Put what the sensor of that `name` says into [sensor], beneath what the file says itself.
+
+    A wrong name is one problem, not one for each key that it leaves out: the nearest sensor fills them in.
+    """
+    table = problems.document.get("sensor")
+    if not isinstance(table, dict) or "name" not in table:
+        return
+    name, known = table["name"], known_sensors()
+    guess = known[0]
+    if isinstance(name, str) and name not in known:
+        hint, near = nearest(name, known)
+        problems.add(("sensor", "name"), f"{', '.join(known)}{hint}")
+        guess = near or guess
+    base = read_sensor(name if name in known else guess)
+    problems.document = problems.document | {"sensor": base | table}

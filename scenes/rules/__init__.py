@@ -1,0 +1,1 @@
+"""Rules of a scene file that take several keys at once."""

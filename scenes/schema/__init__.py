@@ -1,0 +1,1 @@
+"""Which keys a scene file may have, table by table."""
