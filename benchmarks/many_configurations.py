@@ -27,10 +27,10 @@ from scenes import load_scene
 from validate.bank.design import BankDesign, ViewBank, draw_configurations, held_out_views
 from validate.bank.measured import BankData, measure_all
 from validate.bank.predicted import Contender
-from validate.bank.ranking import judge_against
 from validate.bank.study import predictions
 from validate.bank.verdict import single_frame_terms
-from validate.crossed import Resamples
+from validate.stats.crossed import Resamples
+from validate.stats.ranking import judge_against
 
 Floats = NDArray[np.float64]
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from validate.bank.ceilings import attenuation_ceiling
-from validate.bank.choosing import Choices, Picked, Regrets, numbers_of
-from validate.bank.consistency import crossed_mean, pooled_spearman
-from validate.bank.ranking import Ranked, partial
-from validate.crossed import Judged, Resamples
+from validate.stats.consistency import crossed_mean, pooled_spearman
+from validate.stats.crossed import Judged, Resamples
+from validate.stats.ranking import Ranked, partial
+from validate.stats.regret import Choices, Picked, Regrets, numbers_of
 
 SETTINGS, CONFIGURATIONS, POINTS = 10, 200, 30
 CAMERAS = tuple(f"{number}" for number in range(7))

@@ -14,18 +14,18 @@ from pss.visibility.points import VISIBILITY_TESTS
 from scenes import load_scene
 from tests.conftest import ROOM_FILE
 from validate import run_sweep
-from validate.bank.choosing import Choices, Picked, Regrets, numbers_of
-from validate.bank.consistency import anisotropy, crossed_mean, of_errors, sandwich
 from validate.bank.design import BankDesign, detection_views, draw_configurations, held_out_views, training_views
 from validate.bank.differences import METRICS_OF_R, difference_rows
 from validate.bank.measured import BankData, measure_all
 from validate.bank.phase import LARGEST_TURN_PX, carried_back, joined, turned
 from validate.bank.predicted import Contender, GivenCovariance, PredictionTask, predict_all
-from validate.bank.ranking import Resamples, judge_against, partial, top_hits
 from validate.bank.sensitivity import variants
 from validate.bank.size_bins import BINS, size_rows
 from validate.bank.verdict import CountVerdict, leaderboard, yardsticks
 from validate.measure import ViewMeasurement
+from validate.stats.consistency import anisotropy, crossed_mean, of_errors, sandwich
+from validate.stats.ranking import Resamples, judge_against, partial, top_hits
+from validate.stats.regret import Choices, Picked, Regrets, numbers_of
 
 ROUNDING = 1e-9
 # Means over 4e5 draws of a χ² variable: five of their standard errors.

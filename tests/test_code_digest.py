@@ -233,7 +233,9 @@ def test_figures_and_reports_hang_on_all_that_draws_them():
     """Helpers of other folders too; not on what renders, measures or keeps views."""
     figures = code_of("validate.figures", apart=FIGURES_APART)
     report = code_of("validate.report.page", apart=FIGURES_APART)
-    assert {"validate.illustration", "validate.table_text", "validate.slopes", "validate.stars"} <= set(figures.modules)
+    assert {"validate.illustration", "validate.table_text", "validate.slopes", "validate.stats.stars"} <= set(
+        figures.modules
+    )
     assert {"validate.report.curves", "validate.findings.tables", "validate.csv_files"} <= set(report.modules)
     assert {"matplotlib", "numpy"} <= {name for name, _ in figures.libraries}
     assert {"plotly", "jinja2"} <= {name for name, _ in report.libraries}

@@ -13,9 +13,9 @@ import pytest
 
 from tests.made_up_banks import bank, judgements
 from validate.bank.ceilings import attenuation_ceiling
-from validate.bank.consistency import crossed_mean
-from validate.bank.ranking import judge_against
-from validate.crossed import Resamples
+from validate.stats.consistency import crossed_mean
+from validate.stats.crossed import Resamples
+from validate.stats.ranking import judge_against
 
 # Rooms whose means are the truth; known to a twentieth of a standard deviation, which changes coverage by 0.001.
 TRUTH_ROOMS = 400

@@ -7,7 +7,7 @@ import pytest
 
 from pss.errors import RangeError, ShapeError
 from validate.gate import FEWEST_CONFIGURATIONS, Claim, format_claims, judge
-from validate.intervals import weighted_spearman
+from validate.stats.intervals import weighted_spearman
 
 BOUND = 0.5
 # Planted: the measured information differs from the predicted by 15 % a view and point; the correlation is near 0.95.

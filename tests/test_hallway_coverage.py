@@ -10,7 +10,8 @@ import scipy.signal
 import scipy.stats
 
 from pss.errors import ShapeError
-from validate.hallway.walk_intervals import (
+from validate.stats.intervals import weighted_spearman
+from validate.stats.series import (
     cosine_count,
     half_width,
     median_interval,
@@ -18,7 +19,6 @@ from validate.hallway.walk_intervals import (
     spearman_interval,
     step_correlation,
 )
-from validate.intervals import weighted_spearman
 
 STEPS, RUNS = 21, 5
 # From step to step: none, and up to an integrated autocorrelation time of 9 of the 21 steps.

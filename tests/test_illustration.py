@@ -22,7 +22,7 @@ from validate.figures import draw_curves, shown_steps, sweep_figure, write_round
 from validate.glyphs import settle_words
 from validate.illustration import SOLIDS, draw_state
 from validate.projected import Eye, patches_of
-from validate.stars import star_heights
+from validate.stats.stars import star_heights
 
 SCENES = Path(__file__).parents[1] / "scenes"
 # px: what rounding to whole pixels may add to an extent.

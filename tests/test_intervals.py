@@ -8,7 +8,8 @@ import scipy.stats
 
 from pss.errors import RangeError, ShapeError
 from validate.errors3d import MeasuredErrors
-from validate.intervals import (
+from validate.replicates import _largest_eigenvalue, sweep_replicates
+from validate.stats.intervals import (
     interval,
     interval_with,
     kendall,
@@ -19,7 +20,6 @@ from validate.intervals import (
     tie_groups,
     weighted_spearman,
 )
-from validate.replicates import _largest_eigenvalue, sweep_replicates
 
 # Sums of some hundred terms, in another order.
 SAME_TO_ROUNDING = 1e-12

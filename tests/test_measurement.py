@@ -21,7 +21,6 @@ from tests.predicted_result import predicted_result
 from tests.test_report import Page
 from tests.test_sweep_run import SCENE, SELECTION, SWEEP
 from validate import measure_command
-from validate.intervals import interval
 from validate.measurement import is_measurement, measurement_rows
 from validate.measurement_figure import draw_errors, measurement_figure
 from validate.report.command import of_results
@@ -33,6 +32,7 @@ from validate.report.traces import combinations, filled
 from validate.run import Options
 from validate.run_files import load_measurement_of
 from validate.run_sweep import main
+from validate.stats.intervals import interval
 from validate.summary import show
 
 # One value, as the user of a setting writes it.

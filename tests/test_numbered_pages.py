@@ -16,7 +16,7 @@ from scenes.steps.sweep_file import SWEEPS
 from tests import test_gate
 from validate import exit_codes
 from validate.findings.readme import BLOCKS, numbered_pages, readme_text, write_pages
-from validate.intervals import LEVEL
+from validate.stats.intervals import LEVEL
 
 ROOT = Path(__file__).parents[1]
 REFERENCE = ROOT / "results" / "reference"

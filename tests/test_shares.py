@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from validate.bank.shares import share_interval
 from validate.findings.places import Place
 from validate.findings.size_tables import reliability_table, share_found
+from validate.stats.shares import share_interval
 
 TAIL = 0.025
 

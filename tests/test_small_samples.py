@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from validate.bank.consistency import anisotropy
-from validate.bank.small_samples import after_trials
 from validate.errors3d import MeasuredErrors
+from validate.stats.consistency import anisotropy
+from validate.stats.small_samples import after_trials
 
 # Medians and means of 40,000 draws each way: five of their standard errors are below 1.5 %.
 DRAWS, SAMPLED = 40_000, 0.015

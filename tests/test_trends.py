@@ -19,10 +19,10 @@ from tests.test_sweep_run import SCENE, SWEEP
 from validate.claims import claim_rows
 from validate.compare import correlation_rows
 from validate.figures import draw_curves
-from validate.flatness import EXCHANGES
 from validate.report.curves import curves_figure
 from validate.report.data import KINDS, read_sweeps
 from validate.report.verdict import in_words, verdicts
+from validate.stats.flatness import EXCHANGES
 from validate.summary import show
 from validate.trends import Trend
 

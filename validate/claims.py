@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from validate.intervals import interval, weighted_spearman
-from validate.optimum import optimum
+from validate.stats.intervals import interval, weighted_spearman
+from validate.stats.optimum import optimum
 from validate.sweep import SweepResult
 
 __all__ = ["claim_rows"]

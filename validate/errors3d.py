@@ -182,7 +182,7 @@ def inverse_sigma_bias(dof: ArrayLike) -> Floats:
     and close where one direction dominates: with errors ten times (three times) as long in one direction as in the
     others, 1/σ comes out 10 % (30 %) too small from two trials, 2 % (15 %) from three, 0.4 % (5.7 %) from five, 0.1 %
     (1.9 %) from ten and below 0.1 % (0.8 %) from 20; with errors as long in all directions, 36, 27 and 20 % from 5, 10
-    and 20. What a prediction gives after as many trials is drawn by `validate.bank.small_samples`. A
+    and 20. What a prediction gives after as many trials is drawn by `validate.stats.small_samples`. A
     bias that every trial repeats makes σ̂ steadier than that: where the bias dominates, dividing by this makes 1/σ too
     small, by 4 % at k = 20.
     """

@@ -7,7 +7,7 @@ from matplotlib.axis import Axis
 from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
-from validate.log_ticks import round_numbers
+from validate.stats.log_ticks import round_numbers
 
 __all__ = ["MEASURED", "MODEL_COLOURS", "TITLE_WIDTH", "write_round_numbers"]
 

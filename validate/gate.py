@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pss.errors import RangeError, ShapeError
-from validate.bank.ranking import judge_against
-from validate.crossed import Resamples
-from validate.intervals import interval
+from validate.stats.crossed import Resamples
+from validate.stats.intervals import interval
+from validate.stats.ranking import judge_against
 
 __all__ = ["FAMILY_LEVEL", "FEWEST_CONFIGURATIONS", "Claim", "family_level", "format_claims", "judge", "turn_shows"]
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from validate.errors3d import MeasuredErrors
-from validate.intervals import interval
 from validate.replicates import SweepReplicates
+from validate.stats.intervals import interval
 from validate.sweep import SweepResult
 from validate.trends import kind_words
 

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
-from validate.intervals import interval
 from validate.measurement import measurement_rows
+from validate.stats.intervals import interval
 from validate.sweep import SweepResult
 from validate.table_text import written
 from validate.tables import THRESHOLDS_MM, pooled

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from pss import METRICS, Evaluation, Metric
-from validate.optimum import NO_OPTIMUM
+from validate.stats.optimum import NO_OPTIMUM
 
 __all__ = ["OWN_COLUMN", "OwnScores", "best_step", "failures_of", "own_metrics", "own_scores", "own_table"]
 

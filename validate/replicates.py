@@ -1,6 +1,6 @@
 """Resamples of a sweep: random weights for its trials and points, shared by all of its configurations.
 
-The steps of a sweep are fixed; chance is in the trials and in which points there are (`validate.intervals`).
+The steps of a sweep are fixed; chance is in the trials and in which points there are (`validate.stats.intervals`).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pss.errors import ShapeError
 from validate.errors3d import MeasuredErrors
-from validate.intervals import FEWEST_RESAMPLED
+from validate.stats.intervals import FEWEST_RESAMPLED
 
 __all__ = ["SweepReplicates", "sweep_replicates"]
 

@@ -14,8 +14,8 @@ import numpy as np
 from pss import METRICS, NoiseModel
 from pss.noise import SCALED_MODELS
 from validate.assess import predict
-from validate.intervals import interval, weighted_spearman
-from validate.optimum import optimum
+from validate.stats.intervals import interval, weighted_spearman
+from validate.stats.optimum import optimum
 from validate.sweep import SweepResult
 from validate.trends import trend
 

@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from pss.errors import ShapeError
 from render.renderer import random_stream
 from validate.errors3d import MeasuredErrors
-from validate.intervals import interval
 from validate.replicates import sweep_replicates
+from validate.stats.intervals import interval
 from validate.sweep import REPLICATES, SweepResult
 
 __all__ = ["Slopes", "common_points", "log_slope", "slope_rows", "slopes", "slopes_of"]

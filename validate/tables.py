@@ -18,7 +18,7 @@ from validate.assess import Assessment, Measured
 from validate.csv_files import csv_text
 from validate.darkness import markers_too_dark
 from validate.error_budget import error_budget
-from validate.intervals import interval
+from validate.stats.intervals import interval
 from validate.store import write_text
 from validate.sweep import SweepResult
 

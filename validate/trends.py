@@ -1,9 +1,9 @@
 """Where PSS is best over the steps of a sweep, measured and predicted: inside, at an end, or nowhere (`optima.csv`).
 
 A statement about the sweep, whatever it varies. A curve whose range is one that chance makes of a flat one has no
-optimum (`validate.flatness`: by trials for the single frame, by points for the filter's long record). Steps that would
-not be told apart from the best one with other markers are named beside it. A prediction has no trials: it is flat where
-its steps agree to `SAME`.
+optimum (`validate.stats.flatness`: by trials for the single frame, by points for the filter's long record). Steps that
+would not be told apart from the best one with other markers are named beside it. A prediction has no trials: it is flat
+where its steps agree to `SAME`.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from validate.flatness import is_flat, least_difference, spread_of_points
-from validate.intervals import interval
-from validate.optimum import FLAT, NO_OPTIMUM, optimum
+from validate.stats.flatness import is_flat, least_difference, spread_of_points
+from validate.stats.intervals import interval
+from validate.stats.optimum import FLAT, NO_OPTIMUM, optimum
 from validate.sweep import SweepResult
 
 __all__ = ["MEASURED", "PREDICTED", "Trend", "kind_words", "optimum_rows", "trend", "trends"]

@@ -12,13 +12,13 @@ from pss.cameras.views import Views
 from pss.riccati.covariances import root_trace
 from pss.visibility.points import VisibilityTest
 from validate.acquire import Acquired
-from validate.bank.consistency import of_errors, pooled_spearman, root_trace_of
 from validate.bank.design import ViewBank
 from validate.bank.measured import BankData, residual_moments
 from validate.bank.predicted import Contender, GivenCovariance, GivenVisibility
-from validate.bank.ranking import Judged, judge_against, with_interval
 from validate.bank.study import appearance_of, predictions
 from validate.bank.verdict import CountVerdict, single_frame_terms
+from validate.stats.consistency import of_errors, pooled_spearman, root_trace_of
+from validate.stats.ranking import Judged, judge_against, with_interval
 
 __all__ = ["attenuation_ceiling", "oracle_rows", "parts_rows"]
 

@@ -13,13 +13,13 @@ from pss.cameras.views import Views
 from pss.visibility.points import VisibilityTest, visible_in
 from pss.visibility.targets import TARGET_VISIBILITY
 from validate.acquire import Acquired
-from validate.bank.consistency import crossed_mean
 from validate.bank.design import ViewBank
 from validate.bank.measured import BankData
-from validate.bank.ranking import Resamples
-from validate.bank.shares import share_interval
 from validate.bank.study import appearance_of
 from validate.calibrate_detection import log_loss
+from validate.stats.consistency import crossed_mean
+from validate.stats.ranking import Resamples
+from validate.stats.shares import share_interval
 
 __all__ = ["detection_rows", "reliability_rows"]
 

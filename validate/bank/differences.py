@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from validate.bank.ranking import Ranked, with_interval
 from validate.bank.verdict import CountVerdict, yardsticks
+from validate.stats.ranking import Ranked, with_interval
 
 __all__ = ["METRICS_OF_R", "difference_rows"]
 

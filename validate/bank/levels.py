@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 from pss import NoiseModel
 from pss.cameras.views import Views
 from validate.acquire import Acquired
-from validate.bank.consistency import anisotropy, of_errors, of_moments, pooled_spearman, root_trace_of, sandwich
 from validate.bank.design import ViewBank
 from validate.bank.filtered import Filtered
 from validate.bank.measured import BankData, residual_moments
 from validate.bank.predicted import Contender
 from validate.bank.process_noise import information_of, steady_covariances
-from validate.bank.ranking import Resamples, with_interval
 from validate.bank.study import appearance_of
 from validate.bank.verdict import CountVerdict
+from validate.stats.consistency import anisotropy, of_errors, of_moments, pooled_spearman, root_trace_of, sandwich
+from validate.stats.ranking import Resamples, with_interval
 
 __all__ = ["blunder_row", "consistency_rows", "pixel_rows"]
 

@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 from validate.bank.measured import BankData
 from validate.bank.miscalibrated_measured import MeasuredMoments, carried_through, triangulated
 from validate.bank.miscalibrated_prediction import PredictedErrors, Predictions
-from validate.bank.ranking import Judged, Ranked, Resamples
 from validate.bank.workers import workers_context
 from validate.calibration_error import PTZ_SIZES, CalibrationSizes, passing_covariance, shifts_px, without_blunders
-from validate.crossed import mean_over_draws
+from validate.stats.crossed import mean_over_draws
+from validate.stats.ranking import Judged, Ranked, Resamples
 
 __all__ = ["DRAWS", "EACH_FRAME", "FROZEN", "IN_WEIGHTS", "OVER", "OWN", "WITHIN", "study"]
 

@@ -18,10 +18,10 @@ from validate.acquire import Acquired
 from validate.bank.design import ViewBank
 from validate.bank.measured import BankData
 from validate.bank.predicted import Contender
-from validate.bank.ranking import judge_against, with_interval
 from validate.bank.study import appearance_of, predictions
 from validate.bank.verdict import CountVerdict, single_frame_terms, yardsticks
 from validate.scales import scaled
+from validate.stats.ranking import judge_against, with_interval
 
 __all__ = ["scale_rows", "sensitivity_rows", "variants"]
 

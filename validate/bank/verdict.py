@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import METRICS
-from validate.bank.choosing import Choices, Picked, Regrets, numbers_of
 from validate.bank.measured import ConfigurationErrors
 from validate.bank.predicted import Predicted
-from validate.bank.ranking import Judged, Ranked, Resamples, partial, top_hits, with_interval
-from validate.crossed import deviations
 from validate.errors3d import measured_inverse_sigma
-from validate.intervals import kendall, pearson_log, tie_groups
+from validate.stats.crossed import deviations
+from validate.stats.intervals import kendall, pearson_log, tie_groups
+from validate.stats.ranking import Judged, Ranked, Resamples, partial, top_hits, with_interval
+from validate.stats.regret import Choices, Picked, Regrets, numbers_of
 
 __all__ = ["CountVerdict", "Yardstick", "leaderboard", "yardsticks"]
 

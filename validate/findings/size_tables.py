@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from validate.bank.shares import share_interval
 from validate.findings.contenders import contenders_in
 from validate.findings.places import HEADLINE, Place
 from validate.findings.tables import (
@@ -20,6 +19,7 @@ from validate.findings.tables import (
     percent,
     value_of,
 )
+from validate.stats.shares import share_interval
 
 __all__ = [
     "axes_table",

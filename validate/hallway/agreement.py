@@ -1,7 +1,7 @@
 """How well prediction follows measurement over the steps of a walk: Spearman's ρ and the log ratio.
 
 Neighbouring steps look alike, and the runs share steps and views: intervals are those of a short correlated series,
-with all runs of a step together (`validate.hallway.walk_intervals`). Beside each ρ of PSS stands that of the share of
+with all runs of a step together (`validate.stats.series`). Beside each ρ of PSS stands that of the share of
 markers that the same model expects to be seen: where the two are alike, PSS is a count.
 """
 
@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from validate.hallway.results import KINDS, ScheduleResult
 from validate.hallway.runs import limit_name
-from validate.hallway.walk_intervals import (
+from validate.stats.intervals import weighted_spearman
+from validate.stats.series import (
     median_interval,
     spearman_difference_interval,
     spearman_interval,
     step_correlation,
 )
-from validate.intervals import weighted_spearman
 
 __all__ = ["ALL_RUNS", "agreement_rows", "with_ends"]
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from validate.hallway.own_cameras import OwnCameras
 from validate.hallway.results import Curves, ScheduleResult
 from validate.hallway.runs import limit_name
-from validate.intervals import interval, sample_interval
+from validate.stats.intervals import interval, sample_interval
 
 __all__ = ["claim_rows"]
 

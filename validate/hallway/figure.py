@@ -13,7 +13,7 @@ from validate.figures import MODEL_COLOURS
 from validate.hallway.results import KINDS, ScheduleResult
 from validate.hallway.runs import limit_name
 from validate.hallway.study import FULL_MODEL
-from validate.intervals import interval
+from validate.stats.intervals import interval
 
 __all__ = ["draw_panel", "key_lines", "schedule_figure"]
 

@@ -9,8 +9,8 @@ from validate.hallway.agreement import with_ends
 from validate.hallway.claims import CLOSER, FARTHER
 from validate.hallway.process_noise import alike_frame_rate_hz
 from validate.hallway.results import ScheduleResult
-from validate.hallway.walk_intervals import spearman_difference_interval, spearman_interval
-from validate.intervals import weighted_spearman
+from validate.stats.intervals import weighted_spearman
+from validate.stats.series import spearman_difference_interval, spearman_interval
 
 __all__ = ["process_rows"]
 

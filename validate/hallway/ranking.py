@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from validate.hallway.results import KINDS, ScheduleResult
 from validate.hallway.runs import limit_name
-from validate.intervals import interval, sample_interval, weighted_spearman
+from validate.stats.intervals import interval, sample_interval, weighted_spearman
 from validate.tables import THRESHOLDS_MM
 
 __all__ = ["Yardstick", "ranking_rows", "strategy_rows", "yardsticks"]

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from render.renderer import random_stream
 from scenes import Configuration
 from validate.assess import Assessment
-from validate.flatness import EXCHANGES
 from validate.hallway.process_noise import headline_of_walk, inverse_sigma
 from validate.hallway.study import MODELS, Held
 from validate.replicates import SweepReplicates, sweep_replicates
+from validate.stats.flatness import EXCHANGES
 from validate.sweep import REPLICATES, Plan, SweepResult
 
 __all__ = ["HEADLINE_KIND", "KINDS", "Curves", "ScheduleResult", "result_of"]

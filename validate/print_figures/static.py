@@ -6,8 +6,8 @@ from matplotlib.figure import Figure
 
 from validate.figures import draw_curves
 from validate.illustration import draw_configuration, shared_colours
-from validate.intervals import interval
 from validate.print_figures.save import WIDTH_IN, for_print, print_colour_scale
+from validate.stats.intervals import interval
 from validate.sweep import SweepResult
 
 __all__ = ["SWEEPS", "shown_steps", "static_figure", "static_rows"]

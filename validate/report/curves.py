@@ -11,7 +11,7 @@ from validate.figures import AXIS_NAMES
 from validate.report.data import KINDS, MM, Curve, SweepTable
 from validate.report.style import INK, LOG_AXIS, NUMBERS, layout, line_at, model_style
 from validate.report.traces import Choice, Columns, Figure, plain, ref
-from validate.stars import star_heights
+from validate.stats.stars import star_heights
 
 __all__ = ["curves_figure", "place", "step_axis"]
 

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from validate.csv_files import number_in, read_csv
 from validate.findings.tables import Row, all_of
-from validate.optimum import FLAT, NO_OPTIMUM, optimum
 from validate.own_metrics import OWN_COLUMN
 from validate.report.columns import Columns, check_counts, is_number, whole_number
+from validate.stats.optimum import FLAT, NO_OPTIMUM, optimum
 from validate.store import StoreError
 
 __all__ = ["KINDS", "MM", "Curve", "Kind", "SweepTable", "needed_tables", "read_sweeps", "table_of"]

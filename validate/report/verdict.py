@@ -11,8 +11,8 @@ import numpy as np
 from pss.visibility.targets import LEAST_CONTRAST_OVER_NOISE
 from validate.errors3d import FEWEST_TRIALS
 from validate.findings.tables import Row
-from validate.optimum import FLAT
 from validate.report.data import KINDS, Kind, SweepTable
+from validate.stats.optimum import FLAT
 
 __all__ = [
     "FOLLOWS_FROM",

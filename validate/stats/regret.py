@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from validate.crossed import Judged, Resamples
+from validate.stats.crossed import Judged, Resamples
 
 __all__ = ["Choices", "Picked", "Regrets", "numbers_of"]
 

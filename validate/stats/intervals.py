@@ -4,7 +4,7 @@ Two configurations with a camera in common, and all configurations at the same p
 configurations as if each were new gives intervals far too short. So chance is put where it enters: a sweep, whose steps
 are fixed, draws random weights of its trials and points, and every configuration takes its weight from those. Source:
 the Bayesian bootstrap (Rubin 1981) with product weights for crossed factors (Owen & Eckles 2012). A bank, whose
-configurations are combinations of views, leaves out cameras, views and points (`validate.crossed`).
+configurations are combinations of views, leaves out cameras, views and points (`validate.stats.crossed`).
 """
 
 from __future__ import annotations

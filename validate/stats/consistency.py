@@ -13,10 +13,10 @@ import numpy as np
 import scipy.stats
 from numpy.typing import NDArray
 
-from validate.bank.small_samples import after_trials
-from validate.crossed import Judged, Resamples, Scale, with_interval
 from validate.errors3d import inverse_sigma_bias
-from validate.intervals import spearman_of_groups, tie_groups, weighted_spearman
+from validate.stats.crossed import Judged, Resamples, Scale, with_interval
+from validate.stats.intervals import spearman_of_groups, tie_groups, weighted_spearman
+from validate.stats.small_samples import after_trials
 
 __all__ = ["LEVELS", "Consistency", "anisotropy", "crossed_mean", "of_errors", "of_moments", "sandwich"]
 
@@ -127,7 +127,7 @@ def anisotropy(moment: Floats, covariance: Floats, trials: NDArray[np.int64]) ->
         trials: (K, N), of each moment.
 
     Beside what was predicted stands what moments of as many trials show where the prediction is right
-    (`validate.bank.small_samples`). 1/σ, in 1/m, is the mean over cells, freed of its bias as measured PSS is.
+    (`validate.stats.small_samples`). 1/σ, in 1/m, is the mean over cells, freed of its bias as measured PSS is.
     """
     known = np.isfinite(moment).all(axis=(-2, -1)) & np.isfinite(covariance).all(axis=(-2, -1))
     known &= trials >= 2 * FEWEST_TRIALS

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from validate.crossed import Judged, Resamples, with_interval
-from validate.intervals import TIED, mid_ranks
+from validate.stats.crossed import Judged, Resamples, with_interval
+from validate.stats.intervals import TIED, mid_ranks
 
 __all__ = ["Judged", "Ranked", "Resamples", "judge_against", "partial", "top_hits", "with_interval"]
 

@@ -23,7 +23,7 @@ import scipy.stats
 from numpy.typing import ArrayLike, NDArray
 
 from pss.errors import ShapeError
-from validate.intervals import weighted_spearman
+from validate.stats.intervals import weighted_spearman
 
 __all__ = [
     "cosine_count",

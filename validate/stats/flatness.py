@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from pss.riccati.covariances import largest_standard_deviation
 from validate.errors3d import MeasuredErrors, measured_inverse_sigma
-from validate.intervals import LEVEL
+from validate.stats.intervals import LEVEL
 
 __all__ = ["EXCHANGES", "exchanged_ranges", "is_flat", "least_difference", "spread_of_points"]
 
