@@ -11,7 +11,7 @@ import numpy as np
 
 from render.light.estimated_light import estimated_appearance
 from scenes import load_scene, load_sweep
-from validate.assess import predict
+from validate.points.configuration import predict
 
 __all__ = ["predicted_result"]
 

@@ -29,7 +29,7 @@ from validate.calibration_error import (
     passing_covariance,
     shifts_px,
 )
-from validate.triangulate import triangulate
+from validate.points.triangulate import triangulate
 
 RNG = np.random.default_rng(4)
 POINTS = RNG.uniform((-0.4, -0.3, 0.7), (0.4, 0.3, 1.3), (24, 3))

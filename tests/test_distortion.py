@@ -8,7 +8,7 @@ import pytest
 
 from pss import PTZCamera, RangeError, ShapeError
 from pss.cameras.distortion import fold_radius, furthest_radius, stretch, undistorted
-from validate.triangulate import triangulate
+from validate.points.triangulate import triangulate
 
 # Relative; a dozen roundings.
 SAME_TO_ROUNDING = 1e-12

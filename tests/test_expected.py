@@ -185,7 +185,7 @@ FRAMES, FILTERS = 400, 400
 def test_the_filter_of_found_points_against_one_that_is_run(step_m, share):
     """A filter over frames of which each has the cameras that find the point; frames that do not fix it are left out.
 
-    So is the measured filter (`validate.track`), and its PSS times the share of frames that do.
+    So is the measured filter (`validate.points.static_filter`), and its PSS times the share of frames that do.
     """
     cameras, points, normals = rig(4)
     six = pss.evaluate(cameras, points[:1], normals[:1], noise="physical", appearance=LOOK).camera_information[:, 0]

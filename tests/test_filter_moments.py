@@ -9,9 +9,9 @@ from pss.errors import ShapeError
 from pss.processes.process import ConstantVelocity, RandomWalk
 from pss.riccati.solve import posterior_covariance, steady_state_covariance_from_information
 from tests.test_track import exact_residuals, measured, pixel_covariances, room
-from validate.filter_moments import steady_moments
-from validate.track import track, trial_terms
-from validate.triangulate import detection_weights
+from validate.points.filter_moments import steady_moments
+from validate.points.static_filter import track, trial_terms
+from validate.points.triangulate import detection_weights
 
 ROUNDING = 1e-9
 # Of 400 runs over 60 frames and more: about three standard errors of a mean square, and what the P⁻ of the trials' mean

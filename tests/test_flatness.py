@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from validate.errors3d import MeasuredErrors
+from validate.points.measured_errors import MeasuredErrors
 from validate.replicates import sweep_replicates
 from validate.stats.flatness import exchanged_ranges, is_flat, least_difference, spread_of_points
 

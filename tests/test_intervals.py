@@ -7,7 +7,7 @@ import pytest
 import scipy.stats
 
 from pss.errors import RangeError, ShapeError
-from validate.errors3d import MeasuredErrors
+from validate.points.measured_errors import MeasuredErrors
 from validate.replicates import _largest_eigenvalue, sweep_replicates
 from validate.stats.intervals import (
     interval,

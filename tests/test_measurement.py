@@ -95,8 +95,8 @@ def test_ratios_are_those_of_the_tables(made):
 
 def test_nees_of_a_right_covariance_is_one():
     """The made-up pixels with their own covariance, without bias: the interval holds 1 in most of ten worlds."""
-    from validate.errors3d import MeasuredErrors
     from validate.measurement import _nees_share
+    from validate.points.measured_errors import MeasuredErrors
     from validate.replicates import sweep_replicates
 
     rng, holds = np.random.default_rng(2), 0

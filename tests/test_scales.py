@@ -12,8 +12,8 @@ from pss import Appearance, RandomWalk, evaluate, noise_model
 from pss.visibility.targets import TARGET_VISIBILITY
 from tests.made_up_run import made_up_run
 from tests.test_sweep_run import SCENE, SWEEP
-from validate.assess import predict
 from validate.compare import correlation_rows
+from validate.points.configuration import predict
 from validate.scales import SCALES, scale_rows, scaled
 
 # Two solutions of one equation in other units, and sums in another order.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from validate.errors3d import MeasuredErrors
+from validate.points.measured_errors import MeasuredErrors
 from validate.stats.consistency import anisotropy
 from validate.stats.small_samples import after_trials
 

@@ -562,7 +562,7 @@ def test_detection_is_told_nothing_of_the_truth(closet):
 
     from render.sensor import capture
     from validate.measure import measure_capture
-    from validate.triangulate import triangulate
+    from validate.points.triangulate import triangulate
 
     views = {v["camera"]: v for v in rows(closet / "first" / "views.csv") if v["zoom"] == "2"}
     pair = [read_view(closet / "first" / views[name]["exr"]) for name in ("west", "east")]

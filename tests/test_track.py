@@ -8,7 +8,7 @@ from pss.cameras.camera import PTZCamera
 from pss.errors import RangeError, ShapeError
 from pss.processes.process import ConstantAcceleration, ConstantVelocity, RandomWalk
 from pss.riccati.solve import posterior_covariance, steady_state_covariance
-from validate.track import (
+from validate.points.static_filter import (
     FEWEST_AVERAGED_FRAMES,
     LONGEST_TIME_CONSTANT_FRAMES,
     SETTLING_TIME_CONSTANTS,

@@ -8,7 +8,7 @@ import scipy.stats
 
 from pss.cameras.camera import PTZCamera
 from pss.errors import PSSError, RangeError, ShapeError
-from validate.triangulate import BLUNDER_INFLATION, BLUNDER_TAIL, triangulate
+from validate.points.triangulate import BLUNDER_INFLATION, BLUNDER_TAIL, triangulate
 
 # Double precision leaves about 1e-13 of 1000 px, which at 500 px/m and a crossing of some degrees is below 1e-14 m; the
 # linear solution squares the condition number of its matrix.

@@ -33,7 +33,7 @@ from pss.cameras.views import Views
 from pss.noise import PixelCovariance
 from render.renderer import random_stream
 from validate.bank.measured import BankData
-from validate.triangulate import BLUNDER_INFLATION, BLUNDER_TAIL
+from validate.points.triangulate import BLUNDER_INFLATION, BLUNDER_TAIL
 
 __all__ = [
     "PTZ_SIZES",

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from validate.errors3d import MeasuredErrors
+from validate.points.measured_errors import MeasuredErrors
 from validate.replicates import SweepReplicates
 from validate.stats.intervals import interval
 from validate.sweep import SweepResult

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pss.errors import ShapeError
-from validate.errors3d import MeasuredErrors
+from validate.points.measured_errors import MeasuredErrors
 from validate.stats.intervals import FEWEST_RESAMPLED
 
 __all__ = ["SweepReplicates", "sweep_replicates"]

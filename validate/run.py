@@ -17,12 +17,12 @@ from scenes import Scene, SweepFile, known_sweeps
 from validate import claims, compare, figures, measurement, scales, slopes, summary, tables, trends
 from validate.acquire import Acquired, Acquisition, acquire, with_whole_views
 from validate.dry_run import announce, exposures_assumed
-from validate.errors3d import FEWEST_TRIALS
 from validate.exit_codes import EXIT_DONE, EXIT_FAILED
 from validate.expose import with_exposures
 from validate.file_names import check_default_folder, check_names, sweep_name
 from validate.outputs import check_outputs
 from validate.own_metrics import failures_of
+from validate.points.measured_errors import FEWEST_TRIALS
 from validate.progress import clock
 from validate.remote_store import is_address, open_store
 from validate.report.command import REPORT, of_results, source_of_report, write_report

@@ -13,7 +13,7 @@ import numpy as np
 
 from pss import METRICS, NoiseModel
 from pss.noise import SCALED_MODELS
-from validate.assess import predict
+from validate.points.configuration import predict
 from validate.stats.intervals import interval, weighted_spearman
 from validate.stats.optimum import optimum
 from validate.sweep import SweepResult

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pss.errors import ShapeError
 from render.renderer import random_stream
-from validate.errors3d import MeasuredErrors
+from validate.points.measured_errors import MeasuredErrors
 from validate.replicates import sweep_replicates
 from validate.stats.intervals import interval
 from validate.sweep import REPLICATES, SweepResult

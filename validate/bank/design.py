@@ -22,8 +22,8 @@ from render.renderer import random_stream
 from scenes import Scene
 from validate.acquire import Acquired, Acquisition, views_of
 from validate.bank.phase import joined, turned
-from validate.errors3d import FEWEST_TRIALS
 from validate.measure import ViewMeasurement
+from validate.points.measured_errors import FEWEST_TRIALS
 
 __all__ = [
     "BankDesign",

@@ -1,7 +1,8 @@
 """The filter at many levels of process noise, over the configurations of a bank that were triangulated already.
 
-A linearised simulation driven by rendered residuals (`validate.track`): at each level the second moments are solved for
-(`validate.filter_moments`), and at one of them filters are simulated too, for errors that have a distribution.
+A linearised simulation driven by rendered residuals (`validate.points.static_filter`): at each level the second moments
+are solved for (`validate.points.filter_moments`), and at one of them filters are simulated too, for errors that have a
+distribution.
 """
 
 from __future__ import annotations
@@ -19,10 +20,10 @@ from pss.riccati.covariances import largest_standard_deviation
 from render.renderer import random_stream
 from validate.bank.measured import BankData, ConfigurationErrors
 from validate.bank.workers import workers_context
-from validate.errors3d import measured_inverse_sigma
-from validate.filter_moments import steady_moments
+from validate.points.filter_moments import steady_moments
+from validate.points.measured_errors import measured_inverse_sigma
+from validate.points.static_filter import track
 from validate.process_levels import Level, headline_of
-from validate.track import track
 
 __all__ = ["Filtered", "filter_all"]
 

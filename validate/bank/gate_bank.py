@@ -15,7 +15,7 @@ from render.renderer import ViewRequest
 from scenes import Scene, load_scene
 from scenes.steps.sweep_file import SWEEPS
 from validate.acquire import Acquired, Acquisition
-from validate.assess import triangulated_errors
+from validate.points.configuration import triangulated_errors
 
 __all__ = [
     "GATE_OVERRIDES",

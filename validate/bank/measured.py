@@ -1,7 +1,7 @@
 """What the images say of every configuration of a bank: triangulated once for all metrics and noise models.
 
-The filter's errors are those of a linearised simulation driven by rendered residuals (`validate.track`), of which the
-second moments are solved for (`validate.filter_moments`).
+The filter's errors are those of a linearised simulation driven by rendered residuals (`validate.points.static_filter`),
+of which the second moments are solved for (`validate.points.filter_moments`).
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from pss import PTZCamera
 from pss.processes.process import ProcessModel
 from validate.bank.workers import workers_context
-from validate.errors3d import MeasuredErrors
-from validate.filter_moments import steady_moments
-from validate.track import trial_terms
-from validate.triangulate import detection_weights, triangulated_points
+from validate.points.filter_moments import steady_moments
+from validate.points.measured_errors import MeasuredErrors
+from validate.points.static_filter import trial_terms
+from validate.points.triangulate import detection_weights, triangulated_points
 
 __all__ = ["BankData", "ConfigurationErrors", "measure_all", "residual_moments"]
 

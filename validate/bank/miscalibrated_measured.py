@@ -18,7 +18,7 @@ from pss.cameras.views import Views
 from pss.riccati.covariances import largest_standard_deviation, root_trace
 from validate.bank.measured import BankData, measure_all
 from validate.bank.miscalibrated_prediction import inverse_where_known, second_moments
-from validate.errors3d import measured_inverse_sigma
+from validate.points.measured_errors import measured_inverse_sigma
 
 __all__ = ["MeasuredMoments", "carried_through", "triangulated"]
 

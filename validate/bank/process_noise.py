@@ -1,7 +1,7 @@
 """How well the paper's PSS (σ∞) ranks configurations at each level of process noise, beside a count of what is seen.
 
-The measured filter is a linearised simulation driven by rendered residuals (`validate.track`). Predictions at other
-process noise need the same information of the same visible points: nothing is looked up again.
+The measured filter is a linearised simulation driven by rendered residuals (`validate.points.static_filter`).
+Predictions at other process noise need the same information of the same visible points: nothing is looked up again.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pss import METRICS
 from validate.bank.measured import ConfigurationErrors
 from validate.bank.predicted import Predicted
-from validate.errors3d import measured_inverse_sigma
+from validate.points.measured_errors import measured_inverse_sigma
 from validate.stats.crossed import deviations
 from validate.stats.intervals import kendall, pearson_log, tie_groups
 from validate.stats.ranking import Judged, Ranked, Resamples, partial, top_hits, with_interval

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from pss.noise import Calibration
 from render.renderer import random_stream, state_key
 from validate.acquire import Acquired
-from validate.assess import measure_configuration
 from validate.bank.study import scene_contenders
-from validate.errors3d import MeasuredErrors
 from validate.hallway.process_noise import inverse_sigma, measured_inverse, predicted_inverse
 from validate.hallway.results import HEADLINE_KIND, KINDS, Curves, ScheduleResult
 from validate.hallway.study import Held, predicted_at
+from validate.points.configuration import measure_configuration
+from validate.points.measured_errors import MeasuredErrors
 from validate.replicates import sweep_replicates
 
 __all__ = ["OwnCameras", "own_cameras"]

@@ -7,8 +7,8 @@ that a marker gathers between two frames is the variance c of a single frame, by
 training views. The same q is had by a calmer walk or by more frames in a second.
 
 What is measured is a linearised simulation that rendered residuals drive, solved for its second moments
-(`validate.filter_moments`). What is predicted needs the same information of the same markers: nothing is looked up
-again.
+(`validate.points.filter_moments`). What is predicted needs the same information of the same markers: nothing is looked
+up again.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from pss.errors import RangeError
 from pss.processes.process import ConstantVelocity, ProcessModel
 from pss.riccati.axes import axis_blocks, position_variance
 from pss.riccati.covariances import largest_standard_deviation
-from validate.assess import Measured
-from validate.errors3d import measured_inverse_sigma
-from validate.filter_moments import steady_moments
 from validate.measure import ViewMeasurement
+from validate.points.configuration import Measured
+from validate.points.filter_moments import steady_moments
+from validate.points.measured_errors import measured_inverse_sigma
+from validate.points.static_filter import trial_terms
+from validate.points.triangulate import detection_weights
 from validate.process_levels import Level, levels_about
-from validate.track import trial_terms
-from validate.triangulate import detection_weights
 
 __all__ = [
     "RULED_BY",

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from render.renderer import random_stream
 from scenes import Configuration
-from validate.assess import Assessment
 from validate.hallway.process_noise import headline_of_walk, inverse_sigma
 from validate.hallway.study import MODELS, Held
+from validate.points.configuration import Assessment
 from validate.replicates import SweepReplicates, sweep_replicates
 from validate.stats.flatness import EXCHANGES
 from validate.sweep import REPLICATES, Plan, SweepResult

@@ -18,10 +18,8 @@ from render.renderer import random_stream, state_key
 from scenes import Scene
 from scenes.steps.schedule_file import ScheduleFile
 from validate.acquire import Acquired, Acquisition
-from validate.assess import Assessment, Measured, measure_configuration
 from validate.bank.predicted import Contender
 from validate.bank.study import CALIBRATED_LIMITS, FULL_MODEL, PHYSICAL_WHOLE, SCALED, scene_contenders
-from validate.errors3d import MeasuredErrors
 from validate.hallway.process_noise import (
     RULED_BY,
     FilterLevels,
@@ -33,10 +31,12 @@ from validate.hallway.runs import Run, step_views
 from validate.hallway.stage import BOTH, Stage
 from validate.hallway.surrogates import avatar_like
 from validate.hallway.training import Training
+from validate.points.configuration import Assessment, Measured, measure_configuration
+from validate.points.measured_errors import MeasuredErrors
+from validate.points.static_filter import Tracked
+from validate.points.triangulate import Triangulated
 from validate.process_levels import Level
 from validate.tables import pooled
-from validate.track import Tracked
-from validate.triangulate import Triangulated
 
 __all__ = ["MODELS", "Design", "Held", "HeldStep", "assess_held", "design_of", "predicted_at", "training_levels"]
 

@@ -19,7 +19,7 @@ from pss import PTZCamera, RangeError, ShapeError
 from pss.cameras.views import Cameras, Views
 from pss.processes.process import ProcessModel, require_positive
 from pss.riccati.covariances import largest_standard_deviation
-from validate.triangulate import NEAREST_M, VIEWS_TO_TRIANGULATE, detection_weights, triangulate
+from validate.points.triangulate import NEAREST_M, VIEWS_TO_TRIANGULATE, detection_weights, triangulate
 
 __all__ = ["WalkFiltering", "WalkTracks", "track_walk"]
 

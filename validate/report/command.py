@@ -20,11 +20,11 @@ from render.light import lit_scene
 from render.renderer import state_key
 from scenes import load_scene, load_sweep
 from validate.acquire import Acquisition, baked
-from validate.assess import predict
 from validate.expose import with_exposures
 from validate.figures import APART
 from validate.folder_lock import alone_in
 from validate.measure import ViewMeasurement
+from validate.points.configuration import predict
 from validate.program import program_name
 from validate.remote_store import open_store
 from validate.report.data import read_sweeps

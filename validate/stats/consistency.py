@@ -13,7 +13,7 @@ import numpy as np
 import scipy.stats
 from numpy.typing import NDArray
 
-from validate.errors3d import inverse_sigma_bias
+from validate.points.measured_errors import inverse_sigma_bias
 from validate.stats.crossed import Judged, Resamples, Scale, with_interval
 from validate.stats.intervals import spearman_of_groups, tie_groups, weighted_spearman
 from validate.stats.small_samples import after_trials

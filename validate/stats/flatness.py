@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss.riccati.covariances import largest_standard_deviation
-from validate.errors3d import MeasuredErrors, measured_inverse_sigma
+from validate.points.measured_errors import MeasuredErrors, measured_inverse_sigma
 from validate.stats.intervals import LEVEL
 
 __all__ = ["EXCHANGES", "exchanged_ranges", "is_flat", "least_difference", "spread_of_points"]

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from validate.errors3d import inverse_sigma_bias
+from validate.points.measured_errors import inverse_sigma_bias
 
 __all__ = ["DRAWS", "AfterTrials", "after_trials"]
 

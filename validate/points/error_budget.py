@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from pss import Evaluation, PTZCamera
 from pss.cameras.views import Views
 from pss.riccati.covariances import from_six, largest_standard_deviation
-from validate.errors3d import FEWEST_TRIALS, MeasuredErrors
-from validate.triangulate import SMALLEST_INFORMATION_RATIO, Triangulated, detection_weights
+from validate.points.measured_errors import FEWEST_TRIALS, MeasuredErrors
+from validate.points.triangulate import SMALLEST_INFORMATION_RATIO, Triangulated, detection_weights
 
 __all__ = ["ErrorBudget", "error_budget", "propagated_errors"]
 

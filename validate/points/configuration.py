@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from pss import Appearance, Evaluation, PTZCamera, evaluate
 from pss.riccati.covariances import largest_standard_deviation, root_trace
 from scenes import Scene
-from validate.error_budget import propagated_errors
-from validate.errors3d import MeasuredErrors, measured_inverse_sigma, measured_pss
 from validate.measure import ViewMeasurement
-from validate.track import Tracked, track_static
-from validate.triangulate import Triangulated, triangulate
+from validate.points.error_budget import propagated_errors
+from validate.points.measured_errors import MeasuredErrors, measured_inverse_sigma, measured_pss
+from validate.points.static_filter import Tracked, track_static
+from validate.points.triangulate import Triangulated, triangulate
 
 __all__ = ["Assessment", "Measured", "assess", "measure_configuration", "predict", "triangulated_errors"]
 

@@ -1,7 +1,8 @@
 """Second moments of the linearised filter in the steady state, solved for instead of simulated.
 
-`validate.track` simulates the filter frame by frame. Its error is linear in what drives it, so that its second moment
-in the steady state is the solution of a linear system, with nothing left to chance and no wait for a slow filter:
+`validate.points.static_filter` simulates the filter frame by frame. Its error is linear in what drives it, so that its
+second moment in the steady state is the solution of a linear system, with nothing left to chance and no wait for a slow
+filter:
 
     e⁺ = F e⁻ + u,     e⁻ ← A e⁺ − w,     F = I − P⁺Λ,  u = P⁺ y,  w ~ N(0, Q),
     X⁺ = E[F X⁻ Fᵀ] + E[F m uᵀ] + E[u mᵀ Fᵀ] + E[u uᵀ],     X⁻ = A X⁺ Aᵀ + Q,     m = A (E[F] m + E[u])
@@ -23,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from pss.errors import ShapeError
 from pss.processes.process import ProcessModel
 from pss.riccati.solve import steady_state_covariance_from_information
-from validate.track import embedded, mean_over
+from validate.points.static_filter import embedded, mean_over
 
 __all__ = ["steady_moments"]
 
@@ -36,7 +37,7 @@ def steady_moments(
     """m², second moments of the a-priori and the a-posteriori position error, (N, 3, 3) each.
 
     Args:
-        information: 1/m², Λ of each trial, (T, N, 3, 3) (`validate.track.trial_terms`).
+        information: 1/m², Λ of each trial, (T, N, 3, 3) (`validate.points.static_filter.trial_terms`).
         pull: 1/m, y of each trial, (T, N, 3).
         usable: (T, N), the trials that a frame may be.
         process: A and Q; the first three states are the position.

@@ -8,8 +8,8 @@ points, so that the error obeys, exactly,
     e⁺ = (I − P⁺Λ) e⁻ + P⁺ y,     e⁻ ← A e⁺ − w,  w ~ N(0, Q),     Λ = Σ HᵀR⁻¹H,  y = Σ HᵀR⁻¹ (pixel − projection)
 
 with sums over the views that detected the point in that trial. So it tests what the residuals do in a filter (their
-covariance, frozen bias and misses), not what motion, blur and linearisation do. `validate.filter_moments` solves for
-its second moments in place of the simulation.
+covariance, frozen bias and misses), not what motion, blur and linearisation do. `validate.points.filter_moments` solves
+for its second moments in place of the simulation.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from pss.cameras.camera import PTZCamera, as_points
 from pss.errors import RangeError, ShapeError
 from pss.processes.process import ProcessModel
 from pss.riccati.solve import posterior_covariance, steady_state_covariance_from_information
-from validate.triangulate import detection_weights
+from validate.points.triangulate import detection_weights
 
 __all__ = ["Tracked", "embedded", "mean_over", "track", "track_static", "trial_terms"]
 

@@ -1,0 +1,1 @@
+"""From detections to 3D points, their errors and the error budget."""
