@@ -26,7 +26,7 @@ from scenes import Scene, load_scene
 from validate.bank.design import BankDesign, held_out_views
 from validate.check.foreseen import LARGEST_BLUR_MODULES, SMALLEST_MODULE_PX
 from validate.exact_drawing import draw_exactly
-from validate.localise import Localised, register
+from validate.markers.localise import Localised, register
 
 ROOM = Path(__file__).parents[1] / "scenes" / "room.toml"
 # Radiance of the lamps, W/(m² sr): the room's own is 0.2.

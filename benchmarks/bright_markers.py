@@ -19,7 +19,7 @@ from render.lens.sampling import Sampling
 from render.renderer import Renderer, ViewRequest
 from render.sensor import capture, expected_electrons, fixed_pattern
 from validate.bank.design import BankDesign
-from validate.measure import measure_capture
+from validate.markers.view_measurement import measure_capture
 from validate.pixel_noise.laboratory import DICTIONARY, Factors, Pose, Setup, draw_poses
 
 SIZES_PX, WHITES_E = (6.0, 10.0, 20.0), (120.0, 1000.0, 4000.0, 8000.0)

@@ -21,7 +21,7 @@ from pss import ImageSensor
 from render.sensor import capture
 from render.world.marker_print import predefined_dictionary
 from tests.synthetic import DICTIONARY, homography, marker_electrons
-from validate.detect import find_markers
+from validate.markers.detect import find_markers
 
 MODULES_PX = (4.0, 6.0, 10.0)
 READ_NOISES_E = (1.0, 6.0)

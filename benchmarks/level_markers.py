@@ -22,7 +22,7 @@ import numpy as np
 
 from pss import ImageSensor
 from render.sensor import capture
-from validate.localise import Localised, register
+from validate.markers.localise import Localised, register
 
 DICTIONARY, MARKERS = "DICT_4X4_100", 50
 SENSOR = ImageSensor()
@@ -172,7 +172,7 @@ def main() -> None:
         time_registrations(options.time)
     elif options.against is not None:
         if not (options.against / "validate" / "localise.py").is_file():
-            parser.error(f"--against {options.against} holds no validate/localise.py; allowed: a checkout")
+            parser.error(f"--against {options.against} holds no validate/markers/localise.py; allowed: a checkout")
         compare(options.against, options.sizes)
     else:
         table(options.sizes, options.captures)

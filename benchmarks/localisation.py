@@ -24,13 +24,13 @@ from render.lens.sampling import Sampling
 from render.renderer import Renderer, random_stream
 from render.sensor import capture
 from scenes import load_scene
-from validate import localise as localisation
-from validate import registration, template
 from validate.acquire import baked
-from validate.bound import centre_bound, draw_finely, on_marker, pixel_sums
-from validate.detect import find_markers
-from validate.localise import localise
-from validate.measure import measure_capture
+from validate.markers import localise as localisation
+from validate.markers import marker_image, registration
+from validate.markers.cramer_rao import centre_bound, draw_finely, on_marker, pixel_sums
+from validate.markers.detect import find_markers
+from validate.markers.localise import localise
+from validate.markers.view_measurement import measure_capture
 from validate.store import Store
 
 SIZES_PX = (0, 4, 6, 8, 12, 40)
@@ -38,7 +38,7 @@ SIZES_PX = (0, 4, 6, 8, 12, 40)
 BOUND_EVERY, SAMPLES = 5, 8
 RATIOS = (0.1, 0.25, 0.6)
 DEFOCUSED_M = (2.0, 6.0)
-_blurred_steps = template.blurred_steps
+_blurred_steps = marker_image.blurred_steps
 
 
 class Room:
@@ -153,13 +153,13 @@ def _fixed(*parameters: int) -> contextlib.AbstractContextManager:
 
 
 def _without_corners() -> contextlib.AbstractContextManager:
-    original = template.MarkerImage.__init__
+    original = marker_image.MarkerImage.__init__
 
     def changed(image, *arguments):
         original(image, *arguments)
         image._cross = np.float32(0)
 
-    return patch.object(template.MarkerImage, "__init__", changed)
+    return patch.object(marker_image.MarkerImage, "__init__", changed)
 
 
 def _true_blur(room: Room, camera, number) -> contextlib.AbstractContextManager:
@@ -193,7 +193,7 @@ VARIANTS = {
     "as it is": lambda *_: contextlib.nullcontext(),
     "fitted until nothing moves": lambda *_: patch.object(localisation, "CONVERGED_SIGMAS", 1e-3),
     "blur of the camera model": _true_blur,
-    "Gaussian for the lens's disc": lambda *_: patch.object(template, "blurred_steps", _gaussian),
+    "Gaussian for the lens's disc": lambda *_: patch.object(marker_image, "blurred_steps", _gaussian),
     "no shading": lambda *_: _fixed(10, 11),
     "corners by projections alone": lambda *_: _without_corners(),
     "coarse registration alone": None,

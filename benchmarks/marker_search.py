@@ -34,7 +34,7 @@ from render.sensor import capture
 from render.world.marker_print import predefined_dictionary
 from scenes import Scene, load_scene
 from validate.acquire import baked
-from validate.detect import find_markers
+from validate.markers.detect import find_markers
 from validate.store import Store
 from validate.stored_views import certificate_of, load_view, save_view
 

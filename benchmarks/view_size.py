@@ -26,7 +26,7 @@ from render.renderer import Renderer
 from scenes import load_scene
 from scenes.steps.sweep_file import SweepSpec
 from validate.acquire import baked
-from validate.measure import MeasureTask, measure
+from validate.markers.view_measurement import MeasureTask, measure
 from validate.store import Store
 from validate.stored_views import save_view
 

@@ -12,7 +12,7 @@ from render.renderer import Certificate, RenderedView
 from scenes import load_scene, load_sweep
 from validate import claims, compare, measurement, tables, trends
 from validate.acquire import Acquired, Acquisition
-from validate.measure import ViewMeasurement
+from validate.markers.view_measurement import ViewMeasurement
 from validate.report.command import of_results, write_report
 from validate.store import Store
 from validate.stored_views import save_view

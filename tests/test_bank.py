@@ -22,7 +22,7 @@ from validate.bank.predicted import Contender, GivenCovariance, PredictionTask, 
 from validate.bank.sensitivity import variants
 from validate.bank.size_bins import BINS, size_rows
 from validate.bank.verdict import CountVerdict, leaderboard, yardsticks
-from validate.measure import ViewMeasurement
+from validate.markers.view_measurement import ViewMeasurement
 from validate.stats.consistency import anisotropy, crossed_mean, of_errors, sandwich
 from validate.stats.ranking import Resamples, judge_against, partial, top_hits
 from validate.stats.regret import Choices, Picked, Regrets, numbers_of

@@ -11,10 +11,10 @@ from scipy.special import ndtr
 from pss import ImageSensor
 from render.world.marker_print import pattern
 from tests.synthetic import DICTIONARY, SENSOR, homography
-from validate.blurred_step import blurred_steps, reach
-from validate.bound import centre_bound, draw_finely, fisher_information, pixel_sums
 from validate.exact_drawing import draw_exactly
-from validate.template import MarkerImage
+from validate.markers.blurred_step import blurred_steps, reach
+from validate.markers.cramer_rao import centre_bound, draw_finely, fisher_information, pixel_sums
+from validate.markers.marker_image import MarkerImage
 
 SAMPLES, SIZE, CENTRE = 16, 110, (54.37, 55.81)
 LEVELS_E = (15.0, 250.0)

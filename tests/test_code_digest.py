@@ -23,8 +23,8 @@ from render.lens.sampling import Sampling
 from render.renderer import Renderer
 from render.sensor import capture
 from validate.figures import APART as FIGURES_APART
-from validate.measure import APART as MEASURE_APART
-from validate.measure import MeasureTask, _words_of, measure_capture, measure_code
+from validate.markers.view_measurement import APART as MEASURE_APART
+from validate.markers.view_measurement import MeasureTask, _words_of, measure_capture, measure_code
 from validate.pixel_noise.laboratory import DICTIONARY, Factors, Pose, Setup
 from validate.pixel_noise.measure import pixel_noise_code
 
@@ -36,7 +36,7 @@ NOT_COUNTED = {
 
 
 def of_measurements(root: Path) -> str:
-    return code_of("validate.measure", apart=tuple(MEASURE_APART), root=root).digest
+    return code_of("validate.markers.view_measurement", apart=tuple(MEASURE_APART), root=root).digest
 
 
 def of_views(root: Path) -> str:
@@ -66,7 +66,7 @@ def test_shifted_detections_are_other_measurements(tmp_path):
     def shift(text: str) -> str:
         return re.sub(r"( +)return Localised\(", r"\1fit = fit + 25.0\n\1return Localised(", text, count=1)
 
-    root = changed(tmp_path, "validate/localise.py", shift)
+    root = changed(tmp_path, "validate/markers/localise.py", shift)
     assert of_measurements(root) != of_measurements(ROOT)
     assert of_views(root) == of_views(ROOT)
 
@@ -74,10 +74,10 @@ def test_shifted_detections_are_other_measurements(tmp_path):
 @pytest.mark.parametrize(
     ("file", "measured", "rendered"),
     [
-        ("validate/detect.py", True, False),
-        ("validate/template.py", True, False),
-        ("validate/coarse.py", True, False),
-        ("validate/registration.py", True, False),
+        ("validate/markers/detect.py", True, False),
+        ("validate/markers/marker_image.py", True, False),
+        ("validate/markers/coarse_fit.py", True, False),
+        ("validate/markers/registration.py", True, False),
         ("render/sensor.py", True, True),
         ("pss/cameras/photometry.py", True, True),
         ("render/lens/thin_lens.py", False, True),
@@ -111,7 +111,7 @@ def test_a_new_helper_module_counts(tmp_path):
     for number, value in enumerate((1, 2)):
         root = changed(
             tmp_path / str(number),
-            "validate/localise.py",
+            "validate/markers/localise.py",
             lambda text: text.replace("def localise(", "def _late():\n    import validate.helper\n\n\ndef localise("),
         )
         (root / "validate" / "helper.py").write_text(f"X = {value}\n")
@@ -135,17 +135,17 @@ def test_comments_docstrings_and_layout_count_for_nothing(tmp_path):
             text = text.replace(old, new)
         return text + "# the end\n"
 
-    assert of_measurements(changed(tmp_path, "validate/localise.py", reword)) == of_measurements(ROOT)
+    assert of_measurements(changed(tmp_path, "validate/markers/localise.py", reword)) == of_measurements(ROOT)
 
 
 def test_what_is_imported_for_type_checking_is_not_reached(tmp_path):
     """It does not run."""
     root = changed(
         tmp_path,
-        "validate/localise.py",
+        "validate/markers/localise.py",
         lambda text: text + "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import validate.tables\n",
     )
-    modules = code_of("validate.measure", apart=tuple(MEASURE_APART), root=root).modules
+    modules = code_of("validate.markers.view_measurement", apart=tuple(MEASURE_APART), root=root).modules
     assert modules == measure_code().modules
 
 
@@ -176,7 +176,7 @@ def test_other_markers_of_a_dictionary_are_other_measurements(monkeypatch):
     before = task.path
     words = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
     _words_of.cache_clear()
-    monkeypatch.setattr("validate.measure.predefined_dictionary", lambda name: words)
+    monkeypatch.setattr("validate.markers.view_measurement.predefined_dictionary", lambda name: words)
     assert task.path != before
     _words_of.cache_clear()
 
@@ -192,7 +192,8 @@ def test_every_library_that_counts_has_a_version(library):
 PRINT_DIGESTS = """
 import render.code_digest as digests
 digests.installed_version = lambda name: "1"
-print([digests.code_of(entry).digest for entry in ("render.renderer", "validate.measure", "validate.scale.work")])
+print([digests.code_of(entry).digest for entry in ("render.renderer", "validate.markers.view_measurement",
+"validate.scale.work")])
 """
 
 
@@ -225,7 +226,12 @@ def test_renders_hang_on_nothing_that_validates_or_reads_scenes(kind):
 def test_measurements_hang_on_nothing_that_shows_or_keeps_them():
     """Of `validate`, only the search and the localisation."""
     own = {module for module in measure_code().modules if module.startswith("validate.")}
-    assert {"validate.detect", "validate.localise", "validate.template", "validate.measure"} <= own
+    assert {
+        "validate.markers.detect",
+        "validate.markers.localise",
+        "validate.markers.marker_image",
+        "validate.markers.view_measurement",
+    } <= own
     assert not own & {"validate.store", "validate.tables", "validate.run", "validate.progress"}
 
 
@@ -240,7 +246,7 @@ def test_figures_and_reports_hang_on_all_that_draws_them():
     assert {"matplotlib", "numpy"} <= {name for name, _ in figures.libraries}
     assert {"plotly", "jinja2"} <= {name for name, _ in report.libraries}
     for code in (figures, report):
-        assert not {"validate.store", "validate.localise", "validate.acquire", "render.lens.sampling"} & set(
+        assert not {"validate.store", "validate.markers.localise", "validate.acquire", "render.lens.sampling"} & set(
             code.modules
         )
 
@@ -294,6 +300,6 @@ def test_all_code_that_runs_while_a_view_is_made_and_measured_counts(tmp_path):
     assert rendering <= {*view_code().modules, *NOT_COUNTED}
     measuring = executed_while(measure)
     assert np.isfinite(made["found"]).all()
-    assert {"validate.localise", "validate.detect", "render.sensor"} <= measuring
+    assert {"validate.markers.localise", "validate.markers.detect", "render.sensor"} <= measuring
     # What reads the view is of the view's own name.
     assert measuring <= {*measure_code().modules, *view_code().modules, *NOT_COUNTED}

@@ -24,7 +24,7 @@ from validate.acquire import Acquired, Acquisition
 from validate.check.command import run as check
 from validate.check.foreseen import camera_rows, foresee
 from validate.check.warnings import warnings_of
-from validate.darkness import light_words
+from validate.markers.darkness import light_words
 from validate.report.data import read_sweeps
 from validate.report.verdict import remarks
 from validate.tables import detection_rows

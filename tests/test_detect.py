@@ -13,8 +13,8 @@ from benchmarks.drawn_markers import DICTIONARY, DISTANCE_SIDES, IDS, edge_pictu
 from pss import ImageSensor
 from render.sensor import capture
 from scenes.schema.dictionaries import DICTIONARIES
-from validate.detect import RIM_PX, find_markers
-from validate.localise import localise
+from validate.markers.detect import RIM_PX, find_markers
+from validate.markers.localise import localise
 
 SENSOR = ImageSensor(550.0, 0.5, 4.0, 10000.0, 6.0, 12, 64)
 # px: small pictures, for the test's time.
@@ -113,7 +113,7 @@ def test_a_corner_that_the_search_finds_outside_of_the_image_is_none(monkeypatch
     cut[1, axis] = outside
     quads = [np.float32(RIM_PX) + corners[None] for corners in (cut, whole)]
     search = SimpleNamespace(detectMarkers=lambda picture: (quads, np.array([[5], [6]]), []))
-    monkeypatch.setattr("validate.detect._detector", lambda *_: search)
+    monkeypatch.setattr("validate.markers.detect._detector", lambda *_: search)
     found = find_markers(_capture(np.full((200, 300), 0.5, np.float32), 3000.0, np.random.default_rng(3)), DICTIONARY)
     assert found.ids.tolist() == [6]
     np.testing.assert_array_equal(found.corners_px, [whole])

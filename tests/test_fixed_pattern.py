@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import scipy.stats
 
-import validate.measure
+import validate.markers.view_measurement
 from pss import ImageSensor, PTZCamera
 from render.files.exr import write_view
 from render.lens.sampling import Sampling
@@ -19,7 +19,7 @@ from render.renderer import Certificate, RenderedView, ViewRequest
 from render.sensor import capture, fixed_pattern
 from render.world.state import Light, MarkerPrint, Room, SceneState
 from tests.test_sensor import largest_z
-from validate.measure import MeasureTask, measure
+from validate.markers.view_measurement import MeasureTask, measure
 from validate.store import Store
 
 WIDTH, HEIGHT = 320, 240
@@ -177,7 +177,7 @@ def test_without_a_pattern_all_pixels_are_alike():
 
 
 def test_a_measurement_has_one_pattern_for_all_trials(tmp_path, monkeypatch):
-    """`validate.measure` asks for the pattern once a view, and every trial's capture has it."""
+    """`validate.markers.view_measurement` asks for the pattern once a view, and every trial's capture has it."""
     state = SceneState(Room(6, 6, 3, 0.5, 0.5, 0.5), Light(0.2, ()), (), (), MarkerPrint("DICT_4X4_50", 1, 0.8, 0.1))
     request = ViewRequest(state, CAMERA, SENSOR, Sampling(), "none")
     flat = np.full((HEIGHT, WIDTH), 0.05, dtype=np.float32)
@@ -196,9 +196,13 @@ def test_a_measurement_has_one_pattern_for_all_trials(tmp_path, monkeypatch):
     path.parent.mkdir(parents=True)
     write_view(path, view, request)
     asked, seen = [], []
-    monkeypatch.setattr(validate.measure, "fixed_pattern", lambda *a: asked.append(a) or fixed_pattern(*a))
-    real = validate.measure.measure_capture
-    monkeypatch.setattr(validate.measure, "measure_capture", lambda dn, *a: seen.append(dn) or real(dn, *a))
+    monkeypatch.setattr(
+        validate.markers.view_measurement, "fixed_pattern", lambda *a: asked.append(a) or fixed_pattern(*a)
+    )
+    real = validate.markers.view_measurement.measure_capture
+    monkeypatch.setattr(
+        validate.markers.view_measurement, "measure_capture", lambda dn, *a: seen.append(dn) or real(dn, *a)
+    )
     measure(MeasureTask(tmp_path, request.key, "DICT_4X4_50", (1,), 0, 6))
     assert len(asked) == 1
     assert asked[0] == (CAMERA, SENSOR)

@@ -40,7 +40,7 @@ from validate.hallway.runs import steered_runs
 from validate.hallway.stage import BOTH, stage_of
 from validate.hallway.study import assess_held, design_of, training_levels
 from validate.hallway.training import calibrate_hallway, training_views
-from validate.measure import ViewMeasurement
+from validate.markers.view_measurement import ViewMeasurement
 from validate.store import StoreError
 
 TRIALS = 12

@@ -16,8 +16,8 @@ from render.lens.lens_effects import PlaceOnFilm
 from render.lens.sampling import Sampling, pixel_means, sample_image
 from render.sensor import relative_illumination
 from tests.views import window
-from validate.detect import find_markers
-from validate.localise import localise
+from validate.markers.detect import find_markers
+from validate.markers.localise import localise
 
 pytestmark = pytest.mark.render
 

@@ -10,9 +10,9 @@ import pytest
 
 from render.sensor import capture
 from tests.synthetic import DICTIONARY, SENSOR, corners, homography, marker_electrons
-from validate.bound import centre_bound, draw_finely, pixel_sums
 from validate.exact_drawing import draw_exactly
-from validate.localise import Refusal, localise, register
+from validate.markers.cramer_rao import centre_bound, draw_finely, pixel_sums
+from validate.markers.localise import Refusal, localise, register
 
 # (module in px, angle, squeeze, perspective, circle of confusion in px): sizes that the room shows, turned, tilted and
 # defocused.

@@ -27,7 +27,7 @@ from render.light.radiosity import solve_light
 from render.renderer import RenderedView, Renderer, random_stream
 from render.sensor import capture, expected_electrons, fixed_pattern
 from render.world.state import Light, Marker, MarkerPrint, Motion, Room, SceneObject, SceneState
-from validate.measure import measure_capture
+from validate.markers.view_measurement import measure_capture
 from validate.pixel_noise.laboratory import DICTIONARY, DISTANCE_M, FOCAL_PX, Factors, Pose, Setup
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -21,7 +21,7 @@ from render.renderer import Renderer, ViewRequest, light_key
 from render.sensor import expected_electrons
 from tests.views import window
 from validate.acquire import baked
-from validate.measure import MeasureTask, load_measurement, measure
+from validate.markers.view_measurement import MeasureTask, load_measurement, measure
 from validate.store import Store
 from validate.stored_views import save_view
 

@@ -10,8 +10,8 @@ import pytest
 from pss.surrogates import any_blocks
 from render.lens.sampling import Sampling
 from render.renderer import RenderedView
-from validate.detect import find_markers
-from validate.localise import localise
+from validate.markers.detect import find_markers
+from validate.markers.localise import localise
 
 pytestmark = pytest.mark.render
 

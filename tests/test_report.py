@@ -23,7 +23,7 @@ from render.world.state import Room
 from tests.made_up_run import made_up_run
 from tests.test_sweep_run import SCENE, SELECTION
 from tests.test_trends import RISING
-from validate.measure import ViewMeasurement
+from validate.markers.view_measurement import ViewMeasurement
 from validate.report.budget import budget_columns
 from validate.report.command import of_results, remade
 from validate.report.data import KINDS, read_sweeps

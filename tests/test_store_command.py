@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pss import RangeError
-from validate.measure import measure_code
+from validate.markers.view_measurement import measure_code
 from validate.run_sweep import main
 from validate.store import Store, StoreError
 from validate.store_codes import codes_here
@@ -100,7 +100,7 @@ def test_code_prints_what_names_cover(capsys):
     assert main(["store", "code"]) == 0
     said = capsys.readouterr().out
     assert f"views: code {codes_here().views}\n" in said
-    assert "  validate.localise\n" in said
+    assert "  validate.markers.localise\n" in said
     assert f"numpy {np.__version__}" in said
 
 

@@ -16,7 +16,7 @@ from render.light import lit_scene
 from render.light.radiosity import UnitLight, solve_light
 from render.world.state import Light, Marker, MarkerPrint, Panel, Room, SceneState
 from tests.views import an_awkward_view
-from validate.measure import MeasureTask, load_measurement
+from validate.markers.view_measurement import MeasureTask, load_measurement
 from validate.run_sweep import main
 from validate.store import Store
 from validate.stored_arrays import check_arrays

@@ -561,7 +561,7 @@ def test_detection_is_told_nothing_of_the_truth(closet):
     import dataclasses
 
     from render.sensor import capture
-    from validate.measure import measure_capture
+    from validate.markers.view_measurement import measure_capture
     from validate.points.triangulate import triangulate
 
     views = {v["camera"]: v for v in rows(closet / "first" / "views.csv") if v["zoom"] == "2"}

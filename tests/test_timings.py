@@ -10,7 +10,7 @@ import numpy as np
 from tests.views import an_awkward_view
 from validate.acquire import _certified
 from validate.acquisition import Acquired, Acquisition
-from validate.measure import ViewMeasurement
+from validate.markers.view_measurement import ViewMeasurement
 from validate.store import Store
 from validate.stored_views import render_seconds_of, save_view
 from validate.tables import timing_rows

@@ -20,7 +20,7 @@ from render.renderer import Renderer
 from render.world.state import SceneState
 from validate.acquisition import Acquired, Acquisition, LightError, by_state, said, views_of
 from validate.interruption import raise_if_interrupted
-from validate.measure import load_measurement, measure
+from validate.markers.view_measurement import load_measurement, measure
 from validate.progress import ViewProgress
 from validate.reservations import in_turn
 from validate.scale.options import HERE, Scale

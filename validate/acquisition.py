@@ -9,7 +9,7 @@ from pss import Appearance, PSSError, PTZCamera
 from render.lens.sampling import Sampling
 from render.renderer import Certificate, ViewRequest, state_key
 from scenes import Scene
-from validate.measure import MeasureTask, ViewMeasurement
+from validate.markers.view_measurement import MeasureTask, ViewMeasurement
 from validate.store import Store
 
 __all__ = ["Acquired", "Acquisition", "LightError", "by_state", "said", "views_of"]

@@ -12,8 +12,8 @@ from PIL import Image, ImageDraw, ImageFont
 
 from render.renderer import RenderedView
 from validate.acquire import Acquisition
-from validate.detect import find_markers
 from validate.glyphs import glyph_runs
+from validate.markers.detect import find_markers
 from validate.store import Store, atomic_path
 from validate.stored_views import stored_view
 from validate.sweep import SweepResult

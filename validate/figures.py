@@ -74,7 +74,7 @@ APART = (
     "scenes.steps.sweep_file",
     "validate.acquire",
     "validate.acquisition",
-    "validate.measure",
+    "validate.markers.view_measurement",
     "validate.store",
     "validate.stored_views",
     "validate.sweep",

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cache
 
 from render.keys import light_code, view_code
-from validate.measure import measure_code
+from validate.markers.view_measurement import measure_code
 from validate.pixel_noise.measure import pixel_noise_code
 
 __all__ = ["Codes", "codes_here"]

@@ -14,7 +14,7 @@ from typing import Annotated
 import tyro
 
 from render.keys import light_code, view_code
-from validate.measure import measure_code
+from validate.markers.view_measurement import measure_code
 from validate.pixel_noise.measure import pixel_noise_code
 from validate.program import program_name
 from validate.remote_store import open_store

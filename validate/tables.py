@@ -15,7 +15,7 @@ from render.renderer import Certificate
 from scenes import Configuration
 from validate.acquire import Acquired, Acquisition
 from validate.csv_files import csv_text
-from validate.darkness import markers_too_dark
+from validate.markers.darkness import markers_too_dark
 from validate.points.configuration import Assessment, Measured
 from validate.points.error_budget import error_budget
 from validate.stats.intervals import interval

@@ -22,7 +22,7 @@ from render.renderer import random_stream
 from scenes import Scene
 from validate.acquire import Acquired, Acquisition, views_of
 from validate.bank.phase import joined, turned
-from validate.measure import ViewMeasurement
+from validate.markers.view_measurement import ViewMeasurement
 from validate.points.measured_errors import FEWEST_TRIALS
 
 __all__ = [

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import PTZCamera
-from validate.measure import ViewMeasurement
+from validate.markers.view_measurement import ViewMeasurement
 
 __all__ = ["carried_back", "joined", "turned"]
 

@@ -22,7 +22,7 @@ from pss.visibility.targets import (
 from render.light.estimated_light import estimated_appearance
 from render.light.exposure import choose_exposure
 from scenes import Scene
-from validate.darkness import white_irradiance
+from validate.markers.darkness import white_irradiance
 from validate.own_metrics import OwnScores, own_scores
 from validate.points.configuration import predict
 from validate.table_text import written

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pss.visibility.targets import LEAST_CONTRAST_OVER_NOISE
 from validate.check.foreseen import ENOUGH, LARGEST_BLUR_MODULES, SMALLEST_MODULE_PX, Foreseen
-from validate.darkness import dark_words, light_words
+from validate.markers.darkness import dark_words, light_words
 from validate.own_metrics import failures_of
 
 __all__ = ["warnings_of"]

@@ -24,7 +24,7 @@ from pss.errors import RangeError
 from pss.processes.process import ConstantVelocity, ProcessModel
 from pss.riccati.axes import axis_blocks, position_variance
 from pss.riccati.covariances import largest_standard_deviation
-from validate.measure import ViewMeasurement
+from validate.markers.view_measurement import ViewMeasurement
 from validate.points.configuration import Measured
 from validate.points.filter_moments import steady_moments
 from validate.points.measured_errors import measured_inverse_sigma

@@ -22,7 +22,7 @@ from render.light import lit_scene
 from render.light.radiosity import solve_light
 from render.world.marker_print import predefined_dictionary
 from render.world.state import Light, Marker, MarkerPrint, Room, SceneObject, SceneState
-from validate.bound import centre_bound, draw_finely
+from validate.markers.cramer_rao import centre_bound, draw_finely
 
 __all__ = ["DICTIONARY", "Factors", "Pose", "Setup", "draw_poses"]
 

@@ -19,8 +19,8 @@ from render.code_digest import Code, code_of
 from render.keys import content_of, random_stream, view_code
 from render.renderer import Renderer
 from render.sensor import FixedPattern, capture, expected_electrons, fixed_pattern
-from validate.measure import APART as MEASURE_APART
-from validate.measure import measure_capture
+from validate.markers.view_measurement import APART as MEASURE_APART
+from validate.markers.view_measurement import measure_capture
 from validate.pixel_noise.design import Plan, Shot
 from validate.pixel_noise.laboratory import DICTIONARY, Setup
 from validate.progress import ViewProgress

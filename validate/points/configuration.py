@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pss import Appearance, Evaluation, PTZCamera, evaluate
 from pss.riccati.covariances import largest_standard_deviation, root_trace
 from scenes import Scene
-from validate.measure import ViewMeasurement
+from validate.markers.view_measurement import ViewMeasurement
 from validate.points.error_budget import propagated_errors
 from validate.points.measured_errors import MeasuredErrors, measured_inverse_sigma, measured_pss
 from validate.points.static_filter import Tracked, track_static

@@ -23,7 +23,7 @@ from validate.acquire import Acquisition, baked
 from validate.expose import with_exposures
 from validate.figures import APART
 from validate.folder_lock import alone_in
-from validate.measure import ViewMeasurement
+from validate.markers.view_measurement import ViewMeasurement
 from validate.points.configuration import predict
 from validate.program import program_name
 from validate.remote_store import open_store

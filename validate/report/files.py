@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from validate.acquire import Acquisition
-from validate.measure import ViewMeasurement, load_measurement
+from validate.markers.view_measurement import ViewMeasurement, load_measurement
 from validate.store import Store, StoreError
 from validate.stored_views import certificate_of
 from validate.view_names import view_name

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pss import Evaluation, PTZCamera
 from render.world.state import SceneState
 from validate.acquire import Acquisition
-from validate.measure import ViewMeasurement
+from validate.markers.view_measurement import ViewMeasurement
 from validate.sweep import Plan
 
 __all__ = ["Sight", "Step", "covariances", "sight_of", "steps_of_plan"]

@@ -21,7 +21,7 @@ from render.renderer import Certificate, Renderer, ViewRequest, state_key
 from render.world.state import SceneState
 from validate.acquire import baked
 from validate.acquisition import Acquisition, LightError, said
-from validate.measure import load_measurement, measure
+from validate.markers.view_measurement import load_measurement, measure
 from validate.remote_store import open_store
 from validate.store import Store, StoreError
 from validate.stored_views import DamagedViewError, certificate_of, save_view

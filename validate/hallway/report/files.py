@@ -24,7 +24,7 @@ from validate.hallway.results import ScheduleResult
 from validate.hallway.runs import limit_name, steered_runs
 from validate.hallway.stage import BOTH, stage_of
 from validate.hallway.study import MODELS, Design, design_of, predicted_at
-from validate.measure import ViewMeasurement
+from validate.markers.view_measurement import ViewMeasurement
 from validate.remote_store import open_store
 from validate.report.files import REPORT, stored_measurements
 from validate.report.images import pictures_of

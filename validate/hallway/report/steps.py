@@ -13,7 +13,7 @@ from validate.acquire import Acquisition
 from validate.hallway.runs import limit_name
 from validate.hallway.stage import BOTH
 from validate.hallway.study import Design
-from validate.measure import ViewMeasurement
+from validate.markers.view_measurement import ViewMeasurement
 from validate.report.steps import Step, covariances, sight_of
 
 __all__ = ["Different", "different", "label_of", "steps_of_design"]

@@ -21,8 +21,8 @@ from render.code_digest import Code, code_of
 from render.keys import content_of, random_stream
 from render.sensor import capture, fixed_pattern
 from render.world.marker_print import predefined_dictionary
-from validate.detect import find_markers
-from validate.localise import localise
+from validate.markers.detect import find_markers
+from validate.markers.localise import localise
 from validate.store import Store
 from validate.stored_arrays import check_arrays
 from validate.stored_views import stored_view
@@ -74,7 +74,7 @@ class ViewMeasurement:
 
 def measure_code() -> Code:
     """The code that takes captures of a view, and finds and localises the markers in them."""
-    return code_of("validate.measure", apart=tuple(APART))
+    return code_of("validate.markers.view_measurement", apart=tuple(APART))
 
 
 @cache

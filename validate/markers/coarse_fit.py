@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from validate.registration import Fit, local_scale, marker_fields, moved
-from validate.template import PIXEL_VARIANCE_PX2, sharp_image
+from validate.markers.marker_image import PIXEL_VARIANCE_PX2, sharp_image
+from validate.markers.registration import Fit, local_scale, marker_fields, moved
 
 __all__ = ["coarse_fit"]
 

@@ -3,9 +3,9 @@
 Coordinates on the marker are (u, v) in modules about its centre, u to its right and v down; its border ends at ±n/2.
 The print is a sum of corners, each the product of a step in u and a step in v. What blurs it in the image (a pixel's
 square and the disc of the lens out of focus) is drawn into the marker's plane by the local scale of the homography. A
-blurred step is that kernel's projection onto one axis, integrated, which `validate.blurred_step` has in closed form;
-so the image is exact along all edges, and at corners it is up to what the two axes' projections do not determine. Of
-that the kernel's cross-covariance c is in it, by the first two terms of exp(c ∂²/∂u∂v). Nothing is resampled.
+blurred step is that kernel's projection onto one axis, integrated, which `validate.markers.blurred_step` has in closed
+form; so the image is exact along all edges, and at corners it is up to what the two axes' projections do not determine.
+Of that the kernel's cross-covariance c is in it, by the first two terms of exp(c ∂²/∂u∂v). Nothing is resampled.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.world.marker_print import pattern
-from validate.blurred_step import DIAMETERS_PER_SIGMA, blurred_steps, reach
+from validate.markers.blurred_step import DIAMETERS_PER_SIGMA, blurred_steps, reach
 
 __all__ = ["DIAMETERS_PER_SIGMA", "PIXEL_VARIANCE_PX2", "MarkerImage", "Seen", "sharp_image"]
 

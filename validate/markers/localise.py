@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from pss import ImageSensor
 from render.world.marker_print import pattern
-from validate.coarse import coarse_fit
-from validate.registration import Fit, Linearised, Pixels, centre_of, local_scale, pixels_on
-from validate.template import DIAMETERS_PER_SIGMA, MarkerImage
+from validate.markers.coarse_fit import coarse_fit
+from validate.markers.marker_image import DIAMETERS_PER_SIGMA, MarkerImage
+from validate.markers.registration import Fit, Linearised, Pixels, centre_of, local_scale, pixels_on
 
 __all__ = ["Localised", "Refusal", "localise", "register"]
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import ImageSensor
-from validate.template import MarkerImage
+from validate.markers.marker_image import MarkerImage
 
 __all__ = ["Fit", "Linearised", "Pixels", "centre_of", "local_scale", "marker_fields", "moved", "pixels_on"]
 

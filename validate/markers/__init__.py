@@ -1,0 +1,1 @@
+"""From one noisy capture to marker centres with their covariance."""
