@@ -31,7 +31,7 @@ from validate.markers.cramer_rao import centre_bound, draw_finely, on_marker, pi
 from validate.markers.detect import find_markers
 from validate.markers.localise import localise
 from validate.markers.view_measurement import measure_capture
-from validate.store import Store
+from validate.store.folder import Store
 
 SIZES_PX = (0, 4, 6, 8, 12, 40)
 # A bound takes about a second; of so many markers one is drawn, with so many samples along a pixel's side.

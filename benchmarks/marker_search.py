@@ -35,8 +35,8 @@ from render.world.marker_print import predefined_dictionary
 from scenes import Scene, load_scene
 from validate.acquire import baked
 from validate.markers.detect import find_markers
-from validate.store import Store
-from validate.stored_views import certificate_of, load_view, save_view
+from validate.store.folder import Store
+from validate.store.views import certificate_of, load_view, save_view
 
 ROOT = Path(__file__).resolve().parents[1]
 # A bright laboratory of a machine-vision camera's resolution.

@@ -28,7 +28,7 @@ from render.lens.sampling import Sampling
 from render.renderer import Renderer
 from scenes import Scene, load_scene
 from validate.acquire import baked
-from validate.store import Store
+from validate.store.folder import Store
 
 ROOT = Path(__file__).resolve().parents[1]
 PARTS = ("ours", "plain", "cycles", "resolution", "bound", "memory")

@@ -31,7 +31,7 @@ from validate.acquire import baked
 from validate.scale import workers as dask_workers
 from validate.scale.options import Scale
 from validate.scale.work import Job, Made, Place
-from validate.store import Store
+from validate.store.folder import Store
 
 ROOT = Path(__file__).resolve().parents[1]
 JOBS = 500

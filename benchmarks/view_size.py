@@ -27,8 +27,8 @@ from scenes import load_scene
 from scenes.steps.sweep_file import SweepSpec
 from validate.acquire import baked
 from validate.markers.view_measurement import MeasureTask, measure
-from validate.store import Store
-from validate.stored_views import save_view
+from validate.store.folder import Store
+from validate.store.views import save_view
 
 ROOT = Path(__file__).parents[1]
 # Bytes of ru_maxrss, which Linux counts in KiB.

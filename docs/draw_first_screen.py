@@ -34,9 +34,9 @@ from validate.acquire import acquire, baked
 from validate.figures import draw_curves
 from validate.illustration import COLOUR_MAP, OTHER, VARIED, colour_scale, shared_colours
 from validate.progress import ViewProgress
-from validate.remote_store import open_store
 from validate.report.frusta import frustum
-from validate.store import atomic_path
+from validate.store.folder import atomic_path
+from validate.store.remote import open_store
 from validate.sweep import SweepResult, assess_sweep, plan
 
 Floats = NDArray[np.float64]

@@ -21,7 +21,7 @@ def room():
 def room_store(room, tmp_path_factory):
     """A store that holds the room's light."""
     from validate.acquire import baked
-    from validate.store import Store
+    from validate.store.folder import Store
 
     # Workers of pytest-xdist have a folder each, beside each other.
     base = tmp_path_factory.getbasetemp()

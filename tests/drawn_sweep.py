@@ -94,7 +94,7 @@ class DrawingRenderer:
 
 def write_in_halves(patch: Any) -> None:
     """Have files written in two parts, as disks do, with a step between them."""
-    from validate import stored_views, sums
+    from validate.store import checksums, views
 
     def write_bytes(path: Path, data: bytes) -> int:
         half = len(data) // 2
@@ -117,8 +117,8 @@ def write_in_halves(patch: Any) -> None:
 
     patch(Path, "write_bytes", write_bytes)
     patch(Path, "write_text", lambda path, text, encoding=None: write_bytes(path, text.encode(encoding or "utf-8")))
-    patch(stored_views, "write_view", write_image)
-    patch(sums, "os", SimpleNamespace(**vars(os) | {"write": write_line}))
+    patch(views, "write_view", write_image)
+    patch(checksums, "os", SimpleNamespace(**vars(os) | {"write": write_line}))
 
 
 def stand_in(patch: Any, workers: bool) -> None:

@@ -14,8 +14,8 @@ from validate import claims, compare, measurement, tables, trends
 from validate.acquire import Acquired, Acquisition
 from validate.markers.view_measurement import ViewMeasurement
 from validate.report.command import of_results, write_report
-from validate.store import Store
-from validate.stored_views import save_view
+from validate.store.folder import Store
+from validate.store.views import save_view
 from validate.sweep import SweepResult, assess_sweep, plan
 
 __all__ = ["CERTIFICATE", "PIXEL_NOISE_PX", "RENDERER", "made_up_run", "made_up_view"]

@@ -25,8 +25,8 @@ from validate.hallway.runs import Run
 from validate.hallway.stage import BOTH, stage_of
 from validate.hallway.steering import Steered
 from validate.hallway.study import assess_held, design_of
-from validate.store import Store
-from validate.stored_views import save_view
+from validate.store.folder import Store
+from validate.store.views import save_view
 from validate.tables import detection_rows, view_rows, write_csv
 
 __all__ = ["STEPS", "made_up_schedule"]

@@ -147,7 +147,7 @@ from scenes.scene import load_scene
 from tests.test_backend import MARKER, SAMPLING
 from tests.views import window
 from validate.acquire import baked
-from validate.store import Store
+from validate.store.folder import Store
 
 room = load_scene(sys.argv[1])
 renderer = Renderer(room.state, baked(room.state, Store(Path(sys.argv[2]))), backend.choose("scalar_rgb"))

@@ -86,7 +86,7 @@ def test_shifted_detections_are_other_measurements(tmp_path):
         # What shows results, or only predicts, invalidates nothing.
         ("validate/tables.py", False, False),
         ("validate/report/page.py", False, False),
-        ("validate/store.py", False, False),
+        ("validate/store/folder.py", False, False),
         ("validate/worker_pool.py", False, False),
         ("pss/riccati/solve.py", False, False),
         ("pss/__init__.py", False, False),
@@ -232,7 +232,7 @@ def test_measurements_hang_on_nothing_that_shows_or_keeps_them():
         "validate.markers.marker_image",
         "validate.markers.view_measurement",
     } <= own
-    assert not own & {"validate.store", "validate.tables", "validate.run", "validate.progress"}
+    assert not own & {"validate.store.folder", "validate.tables", "validate.run", "validate.progress"}
 
 
 def test_figures_and_reports_hang_on_all_that_draws_them():
@@ -246,9 +246,12 @@ def test_figures_and_reports_hang_on_all_that_draws_them():
     assert {"matplotlib", "numpy"} <= {name for name, _ in figures.libraries}
     assert {"plotly", "jinja2"} <= {name for name, _ in report.libraries}
     for code in (figures, report):
-        assert not {"validate.store", "validate.markers.localise", "validate.acquire", "render.lens.sampling"} & set(
-            code.modules
-        )
+        assert not {
+            "validate.store.folder",
+            "validate.markers.localise",
+            "validate.acquire",
+            "render.lens.sampling",
+        } & set(code.modules)
 
 
 @pytest.mark.parametrize("apart", [VIEW_APART, MEASURE_APART], ids=["view", "measurement"])

@@ -18,7 +18,7 @@ from validate.report.columns import Columns, check_counts, whole_number
 from validate.run import _of_last_run
 from validate.run_file import listed, needed, option, read_run
 from validate.run_sweep import main
-from validate.store import StoreError
+from validate.store.folder import StoreError
 
 # ---- tables ----------------------------------------------------------------------------------------------------------
 

@@ -21,9 +21,9 @@ from validate.progress import EXPECTED_LIGHT_SECONDS, EXPECTED_MEASURE_SECONDS, 
 from validate.run_messages import RunMessages
 from validate.run_sweep import main
 from validate.scale.options import HERE, Scale
-from validate.store import Store
-from validate.stored_views import save_view
-from validate.sums import sum_path
+from validate.store.checksums import sum_path
+from validate.store.folder import Store
+from validate.store.views import save_view
 from validate.view_costs import USUAL_RATIO, measure_seconds, render_seconds
 
 WORKERS = 2

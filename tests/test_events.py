@@ -18,7 +18,7 @@ from validate.acquire import Acquired, acquire
 from validate.events import EVENTS, EventFile
 from validate.exit_codes import EXIT_BROKEN, EXIT_DONE, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_MISTAKE
 from validate.run_messages import RunMessages
-from validate.store import Store, StoreError
+from validate.store.folder import Store, StoreError
 from validate.view_names import view_names
 
 # ms, between the clock that is written and the one that is read: both are of this machine.

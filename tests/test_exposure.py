@@ -17,7 +17,7 @@ from render.light.exposure import AutoExposure, choose_exposure
 from render.sensor import expected_electrons
 from scenes import load_scene, load_sweep
 from validate.expose import with_exposures
-from validate.store import Store
+from validate.store.folder import Store
 from validate.sweep import plan
 
 FOLDER = Path(scenes.schema.scene_tables.__file__).parent

@@ -28,7 +28,7 @@ from render.world.state import Light, MarkerPrint, Room, SceneState
 from scenes import SceneError, load_scene, load_sweep
 from scenes.steps.schedule_file import load_schedule
 from validate.run_sweep import main
-from validate.store import Store
+from validate.store.folder import Store
 
 FOLDER = Path(pss.files.__file__).parents[1] / "scenes"
 ROOM = (FOLDER / "room.toml").read_text(encoding="utf-8")

@@ -20,7 +20,7 @@ from render.sensor import capture, fixed_pattern
 from render.world.state import Light, MarkerPrint, Room, SceneState
 from tests.test_sensor import largest_z
 from validate.markers.view_measurement import MeasureTask, measure
-from validate.store import Store
+from validate.store.folder import Store
 
 WIDTH, HEIGHT = 320, 240
 PIXELS = WIDTH * HEIGHT

@@ -13,7 +13,7 @@ from validate import folder_lock
 from validate.folder_lock import IN_USE, alone_in
 from validate.run_messages import RunMessages
 from validate.run_sweep import main
-from validate.store import StoreError
+from validate.store.folder import StoreError
 
 
 def _hold(folder, held, go_on):

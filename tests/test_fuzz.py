@@ -16,7 +16,7 @@ from render.lens.sampling import Sampling
 from render.renderer import Certificate, RenderedView, ViewRequest
 from render.world.state import Light, MarkerPrint, Room, SceneState
 from tests.fuzzing import campaign, prepare
-from validate.store import Store
+from validate.store.folder import Store
 
 # A few seconds each; the first is what the shipped files were fuzzed with most often, the second is as good.
 SHORT, FULL = 2026, 31

@@ -17,7 +17,7 @@ from render.world.state import Room
 from validate.figures import MODEL_COLOURS
 from validate.hallway.film import FILM_ENDINGS, write_film
 from validate.hallway.picture import PICTURE_PX, FilmFrame, draw_frame
-from validate.store import StoreError
+from validate.store.folder import StoreError
 
 ROOM = Room(6.0, 10.0, 3.0, 0.6, 0.3, 0.75)
 WIDTH, HEIGHT = 640, 480

@@ -29,7 +29,7 @@ from validate.report.command import remade
 from validate.report.data import KINDS
 from validate.report.page import KIND_CHOICE
 from validate.report.traces import combinations, filled
-from validate.store import StoreError
+from validate.store.folder import StoreError
 
 # Numbers of a figure have four digits.
 DRAWN_DIGITS = 6e-4

@@ -41,7 +41,7 @@ from validate.hallway.stage import BOTH, stage_of
 from validate.hallway.study import assess_held, design_of, training_levels
 from validate.hallway.training import calibrate_hallway, training_views
 from validate.markers.view_measurement import ViewMeasurement
-from validate.store import StoreError
+from validate.store.folder import StoreError
 
 TRIALS = 12
 # A typical error of a marker of a single frame.

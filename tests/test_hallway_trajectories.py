@@ -22,7 +22,7 @@ from scenes.people.avatar import Stance, avatar_frames
 from scenes.people.gait import stride_of_speed
 from scenes.schema.avatar import SuitSpec
 from validate.hallway.trajectories import body_poses, torso_pose, torso_reference_m, write_tum, write_walk
-from validate.store import StoreError
+from validate.store.folder import StoreError
 
 ROOT = Path(__file__).parents[1]
 HEIGHT_M = 1.75

@@ -18,9 +18,9 @@ from render.renderer import Certificate
 from tests.test_architecture import PACKAGES, modules, relative, tree
 from tests.views import an_awkward_view
 from validate.events import EVENTS, EventFile
-from validate.store import Store
-from validate.stored_views import certificate_of, load_view, save_view
-from validate.sums import sum_path
+from validate.store.checksums import sum_path
+from validate.store.folder import Store
+from validate.store.views import certificate_of, load_view, save_view
 
 # (file, function that calls json.dumps): why it may.
 ALLOWED = {

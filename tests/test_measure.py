@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from validate.store import atomic_path
+from validate.store.folder import atomic_path
 from validate.worker_pool import WorkerPool
 
 

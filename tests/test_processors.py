@@ -22,8 +22,8 @@ from render.sensor import expected_electrons
 from tests.views import window
 from validate.acquire import baked
 from validate.markers.view_measurement import MeasureTask, load_measurement, measure
-from validate.store import Store
-from validate.stored_views import save_view
+from validate.store.folder import Store
+from validate.store.views import save_view
 
 HERE = Path(__file__).parents[1]
 # Variables that keep libraries from the instructions that x86_64_v4 has and x86_64_v3 lacks.
@@ -110,7 +110,7 @@ from pathlib import Path
 import numpy as np
 from tests.test_processors import as_x86_64_v3, made
 from scenes import load_scene
-from validate.store import Store
+from validate.store.folder import Store
 
 as_x86_64_v3()
 np.savez(sys.argv[3], **made(load_scene(sys.argv[1]), Store(Path(sys.argv[2]))))

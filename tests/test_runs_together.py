@@ -14,8 +14,8 @@ import pytest
 from tests.drawn_sweep import Runs
 from tests.test_killed import check_all_whole, tables, temporary_files, with_sweep
 from tests.test_sweep_run import DETERMINED, SWEEP
-from validate import reservations
-from validate.reservations import in_turn
+from validate.store import locks
+from validate.store.locks import in_turn
 
 # s, that each view takes: the second of two runs that start within a second of each other finds the first at work.
 DRAWING_S = 0.3
@@ -93,7 +93,7 @@ def test_what_another_process_has_comes_last_and_when_it_is_free(other, tmp_path
 
 def test_a_process_that_is_held_up_is_not_waited_for(other, tmp_path, monkeypatch):
     """It has what it has for too long, and is rendered beside it."""
-    monkeypatch.setattr(reservations, "LONGEST_WAIT_S", 0.0)
+    monkeypatch.setattr(locks, "LONGEST_WAIT_S", 0.0)
     assert sorted(in_turn("abc", str, tmp_path)) == list("abc")
     assert other[0].is_alive()
 
@@ -102,5 +102,5 @@ def test_without_locks_all_come_in_their_order(tmp_path, monkeypatch):
     """A system without them, and a store that is not there and cannot be made."""
     (tmp_path / "file").write_text("")
     assert list(in_turn("abc", str, tmp_path / "file" / "store")) == list("abc")
-    monkeypatch.setattr(reservations, "fcntl", None)
+    monkeypatch.setattr(locks, "fcntl", None)
     assert list(in_turn("abc", str, tmp_path)) == list("abc")

@@ -39,7 +39,7 @@ from validate.scale.make import hand_out
 from validate.scale.options import HERE, Scale
 from validate.scale.work import Made, Place
 from validate.scale.workers import WorkerGoneError, workers_of
-from validate.store import Store, StoreError
+from validate.store.folder import Store, StoreError
 
 PLACE = Place("store", "llvm_ad_mono", REQUEST.renderer, 1)
 CERTIFICATE = Certificate(0.1, 0.1, 0.1, 0.1, 0.1, 1, 0.0)

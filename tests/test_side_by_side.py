@@ -16,7 +16,7 @@ from validate.run_sweep import main as program
 from validate.side_by_side.command import compared, main, summarised
 from validate.side_by_side.rows import QUANTITIES, Quantity, matched_rows, separate
 from validate.side_by_side.runs import settings_rows, sides_of
-from validate.store import StoreError
+from validate.store.folder import StoreError
 from validate.tables import write_csv
 
 REFERENCE = Path(__file__).parents[1] / "results" / "reference"

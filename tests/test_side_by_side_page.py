@@ -32,7 +32,7 @@ from validate.side_by_side.verdict import (
     pooled,
     ranked_findings,
 )
-from validate.store import StoreError
+from validate.store.folder import StoreError
 from validate.tables import write_csv
 
 REFERENCE = Path(__file__).parents[1] / "results" / "reference"

@@ -11,11 +11,11 @@ import pytest
 from pss import RangeError
 from validate.markers.view_measurement import measure_code
 from validate.run_sweep import main
-from validate.store import Store, StoreError
+from validate.store.checksums import sum_path
+from validate.store.folder import Store, StoreError
 from validate.store_codes import codes_here
 from validate.store_command import main as store_main
 from validate.store_upkeep import bytes_of, prune_list, seconds_of, stored_files
-from validate.sums import sum_path
 
 DAY_S = 86400.0
 

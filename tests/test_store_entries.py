@@ -18,11 +18,11 @@ from render.world.state import Light, Marker, MarkerPrint, Panel, Room, SceneSta
 from tests.views import an_awkward_view
 from validate.markers.view_measurement import MeasureTask, load_measurement
 from validate.run_sweep import main
-from validate.store import Store
-from validate.stored_arrays import check_arrays
-from validate.stored_light import load_light, save_light
-from validate.stored_views import certificate_of, load_view, save_view
-from validate.sums import LINE_DIGITS, FileSum, add_sum, read_sums, sum_of, sum_path
+from validate.store.arrays import check_arrays
+from validate.store.checksums import LINE_DIGITS, FileSum, add_sum, read_sums, sum_of, sum_path
+from validate.store.folder import Store
+from validate.store.light import load_light, save_light
+from validate.store.views import certificate_of, load_view, save_view
 
 TRIALS, MARKERS = 3, 2
 

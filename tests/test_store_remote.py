@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from pss import MissingLibraryError
-from validate.remote_store import is_address, open_store
-from validate.store import Store, StoreError
-from validate.sums import sum_path
+from validate.store.checksums import sum_path
+from validate.store.folder import Store, StoreError
+from validate.store.remote import is_address, open_store
 
 ARRAYS = {"x": np.arange(1000)}
 

@@ -26,9 +26,9 @@ from render.world.state import Light, Marker, Panel
 from tests.views import an_awkward_view
 from validate.acquire import Acquisition, acquire, with_whole_views
 from validate.progress import ViewProgress
-from validate.reservations import RESERVATIONS
-from validate.store import Store, StoreError
-from validate.stored_views import DamagedViewError, certificate_of, load_view, save_view, stored_view
+from validate.store.folder import Store, StoreError
+from validate.store.locks import RESERVATIONS
+from validate.store.views import DamagedViewError, certificate_of, load_view, save_view, stored_view
 from validate.worker_queue import WorkerQueue
 
 REQUEST, VIEW = an_awkward_view()

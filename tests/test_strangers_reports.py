@@ -12,7 +12,7 @@ from scenes import load_sweep
 from tests.test_sweep_run import SCENE, SWEEP
 from validate.report.command import main, remade
 from validate.report.named import DEFAULT_STORE, Given
-from validate.store import StoreError
+from validate.store.folder import StoreError
 
 ADDRESS = "s3://somebody/collects/who-opens-this"
 

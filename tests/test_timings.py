@@ -11,8 +11,8 @@ from tests.views import an_awkward_view
 from validate.acquire import _certified
 from validate.acquisition import Acquired, Acquisition
 from validate.markers.view_measurement import ViewMeasurement
-from validate.store import Store
-from validate.stored_views import render_seconds_of, save_view
+from validate.store.folder import Store
+from validate.store.views import render_seconds_of, save_view
 from validate.tables import timing_rows
 
 MEASURED = ViewMeasurement(np.zeros((2, 0, 2)), np.zeros((2, 0, 2, 2)), 0, 0.75)

@@ -10,7 +10,7 @@ from render.lens.sampling import Sampling
 from scenes import load_scene, load_sweep
 from tests.test_sweep_run import SCENE, SWEEP
 from validate.report.files import stored_measurements
-from validate.store import Store, StoreError
+from validate.store.folder import Store, StoreError
 from validate.sweep import plan
 from validate.view_names import names_in_steps, view_name
 

@@ -22,12 +22,12 @@ from validate.acquisition import Acquired, Acquisition, LightError, by_state, sa
 from validate.interruption import raise_if_interrupted
 from validate.markers.view_measurement import load_measurement, measure
 from validate.progress import ViewProgress
-from validate.reservations import in_turn
 from validate.scale.options import HERE, Scale
-from validate.store import Store, StoreError
-from validate.stored_light import load_light, save_light
-from validate.stored_views import DamagedViewError, certificate_of, render_seconds_of, save_view
-from validate.whole_files import remove_abandoned
+from validate.store.atomic import remove_abandoned
+from validate.store.folder import Store, StoreError
+from validate.store.light import load_light, save_light
+from validate.store.locks import in_turn
+from validate.store.views import DamagedViewError, certificate_of, render_seconds_of, save_view
 from validate.worker_queue import WorkerQueue
 
 __all__ = ["Acquired", "Acquisition", "LightError", "acquire", "baked", "views_of", "with_whole_views"]

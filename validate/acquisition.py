@@ -10,7 +10,7 @@ from render.lens.sampling import Sampling
 from render.renderer import Certificate, ViewRequest, state_key
 from scenes import Scene
 from validate.markers.view_measurement import MeasureTask, ViewMeasurement
-from validate.store import Store
+from validate.store.folder import Store
 
 __all__ = ["Acquired", "Acquisition", "LightError", "by_state", "said", "views_of"]
 

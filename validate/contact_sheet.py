@@ -14,8 +14,8 @@ from render.renderer import RenderedView
 from validate.acquire import Acquisition
 from validate.glyphs import glyph_runs
 from validate.markers.detect import find_markers
-from validate.store import Store, atomic_path
-from validate.stored_views import stored_view
+from validate.store.folder import Store, atomic_path
+from validate.store.views import stored_view
 from validate.sweep import SweepResult
 
 __all__ = ["contact_sheet", "displayed"]

@@ -21,10 +21,10 @@ from validate.expose import with_exposures
 from validate.progress import EXPECTED_LIGHT_SECONDS, clock
 from validate.run_messages import RunMessages
 from validate.scale.options import HERE, Scale
-from validate.store import Store
-from validate.sums import SUFFIX, FileSum, read_sums
+from validate.store.atomic import free_bytes
+from validate.store.checksums import SUFFIX, FileSum, read_sums
+from validate.store.folder import Store
 from validate.view_costs import machine_bytes, measure_bytes, measure_seconds, render_bytes, render_seconds
-from validate.whole_files import free_bytes
 
 __all__ = ["Forecast", "announce", "exposures_assumed", "forecast"]
 

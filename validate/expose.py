@@ -10,7 +10,7 @@ from render.light.exposure import ExposureChoice, choose_exposure
 from render.renderer import light_key, state_key
 from scenes import Scene, SweepFile
 from validate.acquire import baked
-from validate.store import Store
+from validate.store.folder import Store
 
 __all__ = ["with_exposures"]
 

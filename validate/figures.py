@@ -29,7 +29,7 @@ from validate.slopes import Slopes, slopes_of
 from validate.stats.intervals import interval
 from validate.stats.optimum import optimum
 from validate.stats.stars import STEP, star_heights
-from validate.store import Store, atomic_path
+from validate.store.folder import Store, atomic_path
 from validate.sweep import SweepResult
 from validate.table_text import written
 from validate.trends import Trend, trend
@@ -75,8 +75,8 @@ APART = (
     "validate.acquire",
     "validate.acquisition",
     "validate.markers.view_measurement",
-    "validate.store",
-    "validate.stored_views",
+    "validate.store.folder",
+    "validate.store.views",
     "validate.sweep",
 )
 # Tables that no figure shows and that differ from run to run.

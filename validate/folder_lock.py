@@ -12,7 +12,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from validate.whole_files import StoreError
+from validate.store.atomic import StoreError
 
 try:
     import fcntl

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from validate.whole_files import StoreError
+from validate.store.atomic import StoreError
 
 __all__ = ["check_outputs"]
 

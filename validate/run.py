@@ -24,13 +24,13 @@ from validate.outputs import check_outputs
 from validate.own_metrics import failures_of
 from validate.points.measured_errors import FEWEST_TRIALS
 from validate.progress import clock
-from validate.remote_store import is_address, open_store
 from validate.report.command import REPORT, of_results, source_of_report, write_report
 from validate.run_file import read_run
 from validate.run_files import load_measurement_of, load_sweeps
 from validate.run_messages import RunMessages
 from validate.scale.options import HERE, Scale
-from validate.store import Store, StoreError, write_text
+from validate.store.folder import Store, StoreError, write_text
+from validate.store.remote import is_address, open_store
 from validate.sweep import Plan, SweepResult, assess_sweep, plan
 from validate.versions import versions
 from validate.view_names import names_in_steps

@@ -17,8 +17,9 @@ from render.keys import light_code, view_code
 from validate.markers.view_measurement import measure_code
 from validate.pixel_noise.measure import pixel_noise_code
 from validate.program import program_name
-from validate.remote_store import open_store
-from validate.store import DAMAGED, Store, StoreError
+from validate.store.checksums import read_sums
+from validate.store.folder import DAMAGED, Store, StoreError
+from validate.store.remote import open_store
 from validate.store_upkeep import (
     Stored,
     bytes_of,
@@ -30,7 +31,6 @@ from validate.store_upkeep import (
     stored_files,
     used_views,
 )
-from validate.sums import read_sums
 
 __all__ = ["main"]
 

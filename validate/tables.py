@@ -19,7 +19,7 @@ from validate.markers.darkness import markers_too_dark
 from validate.points.configuration import Assessment, Measured
 from validate.points.error_budget import error_budget
 from validate.stats.intervals import interval
-from validate.store import write_text
+from validate.store.folder import write_text
 from validate.sweep import SweepResult
 
 __all__ = [

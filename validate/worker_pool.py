@@ -12,7 +12,7 @@ from typing import TypeVar
 import cv2
 
 from validate.interruption import interrupts_held
-from validate.whole_files import discard_unfinished
+from validate.store.atomic import discard_unfinished
 
 __all__ = ["WorkerPool", "end_worker"]
 

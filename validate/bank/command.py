@@ -52,11 +52,11 @@ from validate.findings.tables import read_tables
 from validate.process_levels import Level
 from validate.program import program_name
 from validate.progress import clock
-from validate.remote_store import open_store
 from validate.run import check_folders
 from validate.run_messages import RunMessages
 from validate.scale.options import HERE, Scale
-from validate.store import write_text
+from validate.store.folder import write_text
+from validate.store.remote import open_store
 from validate.tables import write_csv
 
 __all__ = ["run"]

@@ -26,10 +26,10 @@ from validate.bank.study import appearance_of, data_of, noise_models, visibiliti
 from validate.console import Console
 from validate.exit_codes import EXIT_DONE, EXIT_FAILED
 from validate.program import program_name
-from validate.remote_store import open_store
 from validate.run import check_folders
 from validate.run_messages import RunMessages
 from validate.scale.options import HERE, Scale
+from validate.store.remote import open_store
 from validate.tables import write_csv
 
 __all__ = ["main", "run", "without_effect"]

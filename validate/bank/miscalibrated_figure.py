@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from validate.bank.miscalibrated_study import EACH_FRAME, FROZEN, IN_WEIGHTS, OVER, OWN, WITHIN
 from validate.drawing import plt
-from validate.store import atomic_path
+from validate.store.folder import atomic_path
 
 __all__ = ["draw"]
 

@@ -12,7 +12,7 @@ from validate.bank.design import BankDesign, ViewBank
 from validate.bank.study import calibrated, data_of, detection_of, limits_of, scales_of
 from validate.run_messages import RunMessages
 from validate.scale.options import HERE, Scale
-from validate.store import Store, write_text
+from validate.store.folder import Store, write_text
 from validate.view_names import view_names
 
 __all__ = ["acquire_banks", "calibrate", "enough"]

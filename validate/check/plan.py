@@ -27,7 +27,7 @@ from validate.glyphs import settle_words
 from validate.hallway.wedge import footprint_m
 from validate.illustration import COLOUR_MAP, colour_scale
 from validate.names_beside import Name, grouped, names_beside, width_of
-from validate.store import atomic_path
+from validate.store.folder import atomic_path
 
 __all__ = ["plan_figure", "write_plan"]
 

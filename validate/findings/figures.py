@@ -20,7 +20,7 @@ from validate.findings.process_figure import COUNTED_BY, SHARE, headline_levels,
 from validate.findings.sigma_figure import SIGMA_AXIS, sigma_rows
 from validate.findings.size_figure import size_curves, size_figure
 from validate.findings.tables import Row, all_of, bounds, first_of
-from validate.store import atomic_path
+from validate.store.folder import atomic_path
 
 __all__ = ["Drawing", "digest_in", "drawings_of", "write_pdf", "write_svg"]
 

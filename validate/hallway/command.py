@@ -40,11 +40,11 @@ from validate.hallway.training import calibrate_hallway, training_views
 from validate.hallway.wanted import Wanted
 from validate.program import program_name
 from validate.progress import clock
-from validate.remote_store import open_store
 from validate.run import check_folders, linked_views
 from validate.run_messages import RunMessages
 from validate.scale.options import HERE, Scale
-from validate.store import Store, atomic_path, write_text
+from validate.store.folder import Store, atomic_path, write_text
+from validate.store.remote import open_store
 from validate.tables import detection_rows, timing_rows, view_rows, write_csv
 from validate.versions import versions
 from validate.view_names import view_names

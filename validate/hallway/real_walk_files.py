@@ -15,8 +15,8 @@ from validate.hallway.picture import FilmFrame
 from validate.hallway.real_walk import TrackedWalk
 from validate.hallway.stage import stance_in
 from validate.hallway.trajectories import Poses, body_poses, torso_pose, torso_reference_m, write_walk
-from validate.store import Store
-from validate.stored_views import stored_view
+from validate.store.folder import Store
+from validate.store.views import stored_view
 from validate.tables import write_csv
 
 __all__ = ["film_frames", "torso_trajectories", "write_real_walk"]

@@ -23,9 +23,9 @@ from render.sensor import capture, fixed_pattern
 from render.world.marker_print import predefined_dictionary
 from validate.markers.detect import find_markers
 from validate.markers.localise import localise
-from validate.store import Store
-from validate.stored_arrays import check_arrays
-from validate.stored_views import stored_view
+from validate.store.arrays import check_arrays
+from validate.store.folder import Store
+from validate.store.views import stored_view
 
 __all__ = [
     "APART",
@@ -42,9 +42,9 @@ Floats = NDArray[np.float64]
 APART = {
     "render.backend": "chooses the renderer, which the view's name holds",
     "render.code_digest": "makes names; what it finds is the name",
-    "validate.stored_arrays": "checks that what is read is a measurement",
-    "validate.store": "keeps what is measured, and checks that it is what was written",
-    "validate.stored_views": "reads views, whose code their own names hold",
+    "validate.store.arrays": "checks that what is read is a measurement",
+    "validate.store.folder": "keeps what is measured, and checks that it is what was written",
+    "validate.store.views": "reads views, whose code their own names hold",
     "pss.surrogates._mesh_files": "reads a mesh from its file, and the view's name holds the mesh itself",
 }
 """Modules that the code of a measurement does not count, with the reason."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from validate.drawing import plt
 from validate.pixel_noise.design import COMBINATIONS
-from validate.store import atomic_path
+from validate.store.folder import atomic_path
 
 __all__ = ["draw", "noise_figure"]
 

@@ -24,8 +24,8 @@ from validate.markers.view_measurement import measure_capture
 from validate.pixel_noise.design import Plan, Shot
 from validate.pixel_noise.laboratory import DICTIONARY, Setup
 from validate.progress import ViewProgress
-from validate.store import Store
-from validate.stored_arrays import Arrays, check_arrays
+from validate.store.arrays import Arrays, check_arrays
+from validate.store.folder import Store
 from validate.worker_queue import WorkerQueue
 
 __all__ = ["APART", "Measured", "measure_all", "pixel_noise_code"]

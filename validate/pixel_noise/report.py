@@ -19,8 +19,8 @@ from validate.pixel_noise.figure import draw
 from validate.pixel_noise.measure import measure_all
 from validate.pixel_noise.rows import JOINT, exponent_rows, joint_law, level_rows, render_rows
 from validate.progress import ViewProgress, clock
-from validate.remote_store import open_store
-from validate.store import write_text
+from validate.store.folder import write_text
+from validate.store.remote import open_store
 from validate.tables import write_csv
 
 __all__ = ["make"]

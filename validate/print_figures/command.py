@@ -20,9 +20,9 @@ from validate.console import Console
 from validate.folder_lock import alone_in
 from validate.program import program_name
 from validate.progress import EXPECTED_SECONDS, ViewProgress, clock
-from validate.remote_store import open_store
 from validate.run import check_folders
-from validate.store import Store, StoreError, write_text
+from validate.store.folder import Store, StoreError, write_text
+from validate.store.remote import open_store
 from validate.sweep import assess_sweep, plan
 from validate.table_text import table_text
 from validate.view_names import view_names

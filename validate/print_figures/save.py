@@ -13,7 +13,7 @@ from matplotlib.figure import Figure, SubFigure
 
 from validate.glyphs import settle_words
 from validate.illustration import colour_scale
-from validate.store import atomic_path
+from validate.store.folder import atomic_path
 
 __all__ = ["WIDTH_IN", "for_print", "print_colour_scale", "print_style", "save"]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from validate.csv_files import number_in
 from validate.findings.tables import Row
-from validate.store import StoreError
+from validate.store.folder import StoreError
 
 __all__ = ["Columns", "check_counts", "is_number", "whole_number"]
 

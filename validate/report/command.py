@@ -26,7 +26,6 @@ from validate.folder_lock import alone_in
 from validate.markers.view_measurement import ViewMeasurement
 from validate.points.configuration import predict
 from validate.program import program_name
-from validate.remote_store import open_store
 from validate.report.data import read_sweeps
 from validate.report.files import REPORT, stored_measurements
 from validate.report.images import pictures_of
@@ -36,7 +35,8 @@ from validate.report.page import Section, html_of, section_of
 from validate.report.steps import steps_of_plan
 from validate.run_file import listed, needed, option, read_run
 from validate.run_files import load_measurement_of
-from validate.store import Store, StoreError, write_text
+from validate.store.folder import Store, StoreError, write_text
+from validate.store.remote import open_store
 from validate.sweep import Plan, SweepResult, plan
 
 __all__ = ["REPORT", "SweepForReport", "main", "of_results", "remade", "source_of_report", "write_report"]

@@ -15,7 +15,7 @@ from validate.findings.tables import Row, all_of
 from validate.own_metrics import OWN_COLUMN
 from validate.report.columns import Columns, check_counts, is_number, whole_number
 from validate.stats.optimum import FLAT, NO_OPTIMUM, optimum
-from validate.store import StoreError
+from validate.store.folder import StoreError
 
 __all__ = ["KINDS", "MM", "Curve", "Kind", "SweepTable", "needed_tables", "read_sweeps", "table_of"]
 

@@ -6,8 +6,8 @@ from collections.abc import Iterable
 
 from validate.acquire import Acquisition
 from validate.markers.view_measurement import ViewMeasurement, load_measurement
-from validate.store import Store, StoreError
-from validate.stored_views import certificate_of
+from validate.store.folder import Store, StoreError
+from validate.store.views import certificate_of
 from validate.view_names import view_name
 
 __all__ = ["REPORT", "stored_measurements"]

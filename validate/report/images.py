@@ -25,8 +25,8 @@ from validate.report.causes import causes
 from validate.report.space import PLATE_MODULES
 from validate.report.steps import Step
 from validate.report.traces import plain
-from validate.store import Store
-from validate.stored_views import stored_planes
+from validate.store.folder import Store
+from validate.store.views import stored_planes
 
 __all__ = ["BUDGET_BYTES", "LAYERS", "MOST_BLUR_PX", "Crop", "Pictures", "chosen_crops", "overlay", "pictures_of"]
 

@@ -22,7 +22,7 @@ from validate.report.frusta import frustum, room_corners
 from validate.report.page import Section
 from validate.report.shades import plate_colours
 from validate.report.space import PLATE_MODULES
-from validate.store import atomic_path
+from validate.store.folder import atomic_path
 
 __all__ = ["glb_of", "linear", "model_of", "write_models"]
 

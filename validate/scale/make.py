@@ -15,7 +15,7 @@ from validate.scale.handout import MOST_DEATHS, Handout
 from validate.scale.options import Scale
 from validate.scale.work import Job, Made, Measuring, Place
 from validate.scale.workers import WorkerGoneError, Workers, workers_of
-from validate.store import Store, StoreError
+from validate.store.folder import Store, StoreError
 
 __all__ = ["hand_out", "jobs_of", "make_on_workers"]
 

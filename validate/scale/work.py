@@ -22,9 +22,9 @@ from render.world.state import SceneState
 from validate.acquire import baked
 from validate.acquisition import Acquisition, LightError, said
 from validate.markers.view_measurement import load_measurement, measure
-from validate.remote_store import open_store
-from validate.store import Store, StoreError
-from validate.stored_views import DamagedViewError, certificate_of, save_view
+from validate.store.folder import Store, StoreError
+from validate.store.remote import open_store
+from validate.store.views import DamagedViewError, certificate_of, save_view
 
 __all__ = ["Job", "Made", "Measuring", "Place", "cores_here", "work"]
 

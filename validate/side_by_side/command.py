@@ -16,7 +16,7 @@ from validate.program import program_name
 from validate.side_by_side.cells import cells
 from validate.side_by_side.rows import QUANTITIES, Quantity, matched
 from validate.side_by_side.runs import Side, settings_rows, sides_of
-from validate.store import StoreError
+from validate.store.folder import StoreError
 from validate.table_text import table_text
 
 __all__ = ["compared", "main", "run"]

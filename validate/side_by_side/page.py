@@ -24,7 +24,7 @@ from validate.side_by_side.verdict import (
     moved_findings,
     ranked_findings,
 )
-from validate.store import write_text
+from validate.store.folder import write_text
 
 __all__ = ["PAGE", "html_of", "names_of", "write_page"]
 

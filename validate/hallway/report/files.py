@@ -25,13 +25,13 @@ from validate.hallway.runs import limit_name, steered_runs
 from validate.hallway.stage import BOTH, stage_of
 from validate.hallway.study import MODELS, Design, design_of, predicted_at
 from validate.markers.view_measurement import ViewMeasurement
-from validate.remote_store import open_store
 from validate.report.files import REPORT, stored_measurements
 from validate.report.images import pictures_of
 from validate.report.model_file import write_models
 from validate.report.named import Given
 from validate.run_file import listed, needed, option
-from validate.store import Store, StoreError, write_text
+from validate.store.folder import Store, StoreError, write_text
+from validate.store.remote import open_store
 
 __all__ = ["ScheduleForReport", "of_schedule", "remade_schedule", "write_schedule_report"]
 

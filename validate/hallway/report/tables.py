@@ -13,7 +13,7 @@ from validate.csv_files import number_in
 from validate.findings.tables import Row, all_of
 from validate.hallway.stage import BOTH
 from validate.report.data import Kind, SweepTable, needed_tables, table_of
-from validate.store import StoreError
+from validate.store.folder import StoreError
 
 __all__ = ["KIND_NAMES", "ScheduleTable", "number", "read_schedule"]
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from render.light.lit_scene import GlowMeshes
 from render.world.state import SceneState
-from validate.store import Store
-from validate.stored_arrays import Arrays, check_arrays
+from validate.store.arrays import Arrays, check_arrays
+from validate.store.folder import Store
 
 __all__ = ["load_light", "save_light"]
 

@@ -1,0 +1,1 @@
+"""The store of views, solved light and measurements: files that survive interruption."""
