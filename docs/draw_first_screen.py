@@ -33,8 +33,8 @@ from scenes import load_scene, load_sweep
 from validate.acquire import acquire, baked
 from validate.figures import draw_curves
 from validate.illustration import COLOUR_MAP, OTHER, VARIED, colour_scale, shared_colours
-from validate.progress import ViewProgress
 from validate.report.frusta import frustum
+from validate.runs.progress import ViewProgress
 from validate.store.folder import atomic_path
 from validate.store.remote import open_store
 from validate.sweep import SweepResult, assess_sweep, plan

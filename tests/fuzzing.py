@@ -224,8 +224,8 @@ def read_archive(path: Path) -> None:
 
 
 def read_table(path: Path) -> None:
-    from validate.csv_files import number_in, read_csv, read_head
     from validate.report.columns import Columns
+    from validate.runs.csv_file import number_in, read_csv, read_head
 
     rows = read_csv(path)
     assert len(read_head(path)) >= 1
@@ -239,7 +239,7 @@ def read_table(path: Path) -> None:
 
 def read_run_file(path: Path) -> None:
     from validate.report.command import _run_of
-    from validate.run_file import listed, needed, option
+    from validate.runs.run_file import listed, needed, option
     from validate.side_by_side.runs import Side
 
     assert Side("a", path.parent, {}).settings() is not None

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from validate.csv_files import csv_text
+from validate.runs.csv_file import csv_text
 
 __all__ = ["MODELS", "write_reference"]
 

@@ -232,17 +232,17 @@ def test_measurements_hang_on_nothing_that_shows_or_keeps_them():
         "validate.markers.marker_image",
         "validate.markers.view_measurement",
     } <= own
-    assert not own & {"validate.store.folder", "validate.tables", "validate.run", "validate.progress"}
+    assert not own & {"validate.store.folder", "validate.tables", "validate.run", "validate.runs.progress"}
 
 
 def test_figures_and_reports_hang_on_all_that_draws_them():
     """Helpers of other folders too; not on what renders, measures or keeps views."""
     figures = code_of("validate.figures", apart=FIGURES_APART)
     report = code_of("validate.report.page", apart=FIGURES_APART)
-    assert {"validate.illustration", "validate.table_text", "validate.slopes", "validate.stats.stars"} <= set(
+    assert {"validate.illustration", "validate.runs.table_text", "validate.slopes", "validate.stats.stars"} <= set(
         figures.modules
     )
-    assert {"validate.report.curves", "validate.findings.tables", "validate.csv_files"} <= set(report.modules)
+    assert {"validate.report.curves", "validate.runs.csv_rows", "validate.runs.csv_file"} <= set(report.modules)
     assert {"matplotlib", "numpy"} <= {name for name, _ in figures.libraries}
     assert {"plotly", "jinja2"} <= {name for name, _ in report.libraries}
     for code in (figures, report):

@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import validate
-from validate.csv_files import csv_text, read_csv, read_head
-from validate.table_text import table_text
+from validate.runs.csv_file import csv_text, read_csv, read_head
+from validate.runs.table_text import table_text
 from validate.tables import write_csv
 
 # OWASP, "CSV Injection": a cell that begins with one of these is computed.

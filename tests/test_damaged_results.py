@@ -12,12 +12,12 @@ from pss import RangeError
 from pss.files import open_plain, read_toml
 from pss.surrogates import Mesh
 from tests.test_json_text import strict
-from validate.csv_files import number_in, read_csv, read_head
-from validate.events import EVENTS, EventFile
 from validate.report.columns import Columns, check_counts, whole_number
 from validate.run import _of_last_run
-from validate.run_file import listed, needed, option, read_run
 from validate.run_sweep import main
+from validate.runs.csv_file import number_in, read_csv, read_head
+from validate.runs.events import EVENTS, EventFile
+from validate.runs.run_file import listed, needed, option, read_run
 from validate.store.folder import StoreError
 
 # ---- tables ----------------------------------------------------------------------------------------------------------

@@ -17,9 +17,9 @@ from tests.test_sweep_run import ALONE, SCENE
 from validate import dry_run
 from validate.acquire import acquire
 from validate.dry_run import LEAST_KNOWN, announce, forecast
-from validate.progress import EXPECTED_LIGHT_SECONDS, EXPECTED_MEASURE_SECONDS, EXPECTED_SECONDS
 from validate.run_messages import RunMessages
 from validate.run_sweep import main
+from validate.runs.progress import EXPECTED_LIGHT_SECONDS, EXPECTED_MEASURE_SECONDS, EXPECTED_SECONDS
 from validate.scale.options import HERE, Scale
 from validate.store.checksums import sum_path
 from validate.store.folder import Store

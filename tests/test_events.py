@@ -15,9 +15,9 @@ from pss import RangeError
 from tests.test_store_views import ZOOMS, NoiseRenderer, wanted  # noqa: F401 (a fixture)
 from validate import run_sweep
 from validate.acquire import Acquired, acquire
-from validate.events import EVENTS, EventFile
-from validate.exit_codes import EXIT_BROKEN, EXIT_DONE, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_MISTAKE
 from validate.run_messages import RunMessages
+from validate.runs.events import EVENTS, EventFile
+from validate.runs.exit_codes import EXIT_BROKEN, EXIT_DONE, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_MISTAKE
 from validate.store.folder import Store, StoreError
 from validate.view_names import view_names
 
@@ -120,10 +120,10 @@ def test_a_full_disk_leaves_events_out_and_not_the_run(tmp_path, monkeypatch):
             return real(handle, data[: len(data) // 2])
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr("validate.events.os.write", half)
+    monkeypatch.setattr("validate.runs.events.os.write", half)
     file.write("second")
     file.write("third")
-    monkeypatch.setattr("validate.events.os.write", real)
+    monkeypatch.setattr("validate.runs.events.os.write", real)
     file.write("fourth")
     assert [(e["event"], e["number"]) for e in events(tmp_path)] == [("first", 0), ("fourth", 3)]
     (warning,) = warnings

@@ -13,7 +13,8 @@ from pss import RangeError
 from tests.test_architecture import PACKAGES, modules
 from tests.test_side_by_side import a_run
 from validate.command_line import COMMANDS
-from validate.file_names import (
+from validate.run_sweep import main
+from validate.runs.file_names import (
     FIGURES,
     RESERVED,
     check_default_folder,
@@ -22,7 +23,6 @@ from validate.file_names import (
     model_file,
     sweep_name,
 )
-from validate.run_sweep import main
 from validate.side_by_side.page import html_of
 from validate.side_by_side.runs import sides_of
 from validate.tables import write_csv

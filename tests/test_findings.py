@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 from tests.made_up_reference import MODELS, PLACES, write_reference
-from validate.csv_files import csv_text
 from validate.findings.__main__ import run
 from validate.findings.bank import bank_findings
 from validate.findings.budget import budget_findings
@@ -22,7 +21,8 @@ from validate.findings.page import findings_page
 from validate.findings.places import places_of_reference
 from validate.findings.ranking_tables import neutral_table
 from validate.findings.sentences import five_sentences
-from validate.findings.tables import in_powers, markdown_table, read_tables, with_range
+from validate.runs.csv_file import csv_text
+from validate.runs.csv_rows import in_powers, markdown_table, read_tables, with_range
 
 ROOT = Path(__file__).parents[1]
 REFERENCE = ROOT / "results" / "reference"

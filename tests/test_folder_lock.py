@@ -9,10 +9,10 @@ from multiprocessing import get_context
 import pytest
 
 from tests.test_side_by_side import a_run
-from validate import folder_lock
-from validate.folder_lock import IN_USE, alone_in
 from validate.run_messages import RunMessages
 from validate.run_sweep import main
+from validate.runs import folder_lock
+from validate.runs.folder_lock import IN_USE, alone_in
 from validate.store.folder import StoreError
 
 

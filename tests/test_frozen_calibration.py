@@ -14,7 +14,7 @@ from tests.test_hallway_study import acquired_of
 from validate import run_sweep
 from validate.bank import command, prepare
 from validate.bank.design import BankDesign, held_out_views
-from validate.csv_files import read_csv
+from validate.runs.csv_file import read_csv
 
 SCENES = Path(__file__).parents[1] / "scenes"
 FILE = SCENES / "calibrations" / "room.toml"

@@ -17,7 +17,7 @@ from validate.acquire import acquire
 from validate.bank.design import draw_configurations
 from validate.bank.gate_bank import gate_bank, measured_points, predicted_points, turned_view
 from validate.gate import Claim, family_level, format_claims, judge, turn_shows
-from validate.progress import ViewProgress
+from validate.runs.progress import ViewProgress
 from validate.store.folder import Store
 
 pytestmark = pytest.mark.render

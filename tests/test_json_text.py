@@ -17,7 +17,7 @@ from render.files.exr import read_certificate, write_view
 from render.renderer import Certificate
 from tests.test_architecture import PACKAGES, modules, relative, tree
 from tests.views import an_awkward_view
-from validate.events import EVENTS, EventFile
+from validate.runs.events import EVENTS, EventFile
 from validate.store.checksums import sum_path
 from validate.store.folder import Store
 from validate.store.views import certificate_of, load_view, save_view

@@ -14,9 +14,9 @@ from validate.acquire import Acquired
 from validate.bank import prepare
 from validate.bank.design import BankDesign, held_out_views, training_views
 from validate.bank.prepare import acquire_banks, enough
-from validate.exit_codes import EXIT_DONE, EXIT_FAILED
 from validate.hallway import command
 from validate.run_messages import RunMessages
+from validate.runs.exit_codes import EXIT_DONE, EXIT_FAILED
 
 CAUSE = "ValueError: made to fail"
 # One strategy under two limits, few steps, and the trials that are drawn: what is asked is which runs are left.

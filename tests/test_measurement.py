@@ -30,8 +30,8 @@ from validate.report.page import KIND_CHOICE, section_of
 from validate.report.steps import steps_of_plan
 from validate.report.traces import combinations, filled
 from validate.run import Options
-from validate.run_files import load_measurement_of
 from validate.run_sweep import main
+from validate.runs.input_files import load_measurement_of
 from validate.stats.intervals import interval
 from validate.summary import show
 

@@ -14,8 +14,8 @@ from render.backend import OLDEST_LLVM
 from scenes import load_scene
 from scenes.steps.sweep_file import SWEEPS
 from tests import test_gate
-from validate import exit_codes
 from validate.findings.readme import BLOCKS, numbered_pages, readme_text, write_pages
+from validate.runs import exit_codes
 from validate.stats.intervals import LEVEL
 
 ROOT = Path(__file__).parents[1]

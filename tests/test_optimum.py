@@ -12,11 +12,11 @@ import pytest
 from tests import made_up_run as made_up
 from tests.test_sweep_run import SCENE, SWEEP
 from validate.claims import claim_rows
-from validate.console import Console
 from validate.figures import draw_curves
 from validate.report.curves import curves_figure
 from validate.report.data import KINDS, read_sweeps
 from validate.report.verdict import in_words, verdicts
+from validate.runs.console import Console
 from validate.stats.optimum import optimum
 from validate.summary import show
 

@@ -21,9 +21,9 @@ from validate import own_metrics
 from validate.check.command import run as check
 from validate.check.foreseen import foresee, model_rows
 from validate.check.warnings import warnings_of
-from validate.console import Console
 from validate.own_metrics import best_step, failures_of
 from validate.report.data import read_sweeps
+from validate.runs.console import Console
 from validate.summary import show
 
 ROOT = Path(__file__).parents[1]

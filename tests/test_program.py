@@ -19,8 +19,8 @@ from pathlib import Path
 import pytest
 
 from validate.command_line import COMMANDS
-from validate.exit_codes import EXIT_CLOSED_PIPE, EXIT_CODES
 from validate.run_sweep import main
+from validate.runs.exit_codes import EXIT_CLOSED_PIPE, EXIT_CODES
 
 ROOT = Path(__file__).parents[1]
 SCRIPT = ROOT / "validate" / "run_sweep.py"

@@ -30,8 +30,8 @@ from tests.test_store_views import MARKER, REQUEST
 from tests.test_sweep_run import ALONE, DETERMINED, SCENE, SELECTION, SWEEP, command, run
 from validate.acquire import acquire, baked
 from validate.acquisition import Acquired, Acquisition, views_of
-from validate.progress import ViewProgress
 from validate.run_sweep import main
+from validate.runs.progress import ViewProgress
 from validate.scale import options
 from validate.scale.checks import WorkerReport, misfit, report
 from validate.scale.handout import MOST_DEATHS

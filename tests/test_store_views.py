@@ -25,7 +25,7 @@ from render.renderer import random_stream, state_key
 from render.world.state import Light, Marker, Panel
 from tests.views import an_awkward_view
 from validate.acquire import Acquisition, acquire, with_whole_views
-from validate.progress import ViewProgress
+from validate.runs.progress import ViewProgress
 from validate.store.folder import Store, StoreError
 from validate.store.locks import RESERVATIONS
 from validate.store.views import DamagedViewError, certificate_of, load_view, save_view, stored_view

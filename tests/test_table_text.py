@@ -9,7 +9,7 @@ import math
 import pytest
 
 from pss import RangeError
-from validate.table_text import table_text, written
+from validate.runs.table_text import table_text, written
 
 ROWS = [
     {"name": "a|b & 50 %", "value": 1234.56789, "count": 3, "none": math.nan},

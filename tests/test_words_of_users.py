@@ -22,16 +22,16 @@ from validate import figures, summary
 from validate.bank import miscalibrated_figure
 from validate.check.foreseen import foresee
 from validate.check.plan import plan_figure
-from validate.console import Console
-from validate.file_names import FIGURES
 from validate.glyphs import glyph_runs
 from validate.pixel_noise import figure as pixel_noise_figure
-from validate.progress import ViewProgress
 from validate.run_sweep import main
+from validate.runs.console import Console
+from validate.runs.file_names import FIGURES
+from validate.runs.progress import ViewProgress
+from validate.runs.table_text import table_text
 from validate.side_by_side import command as comparison
 from validate.side_by_side.page import html_of
 from validate.side_by_side.runs import sides_of
-from validate.table_text import table_text
 
 # What Matplotlib, rich, HTML, Jinja, plotly, Python's formats, shells and terminals each read as something else.
 HOSTILE = (

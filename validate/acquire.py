@@ -19,9 +19,9 @@ from render.light.radiosity import solve_light
 from render.renderer import Renderer
 from render.world.state import SceneState
 from validate.acquisition import Acquired, Acquisition, LightError, by_state, said, views_of
-from validate.interruption import raise_if_interrupted
 from validate.markers.view_measurement import load_measurement, measure
-from validate.progress import ViewProgress
+from validate.runs.interruption import raise_if_interrupted
+from validate.runs.progress import ViewProgress
 from validate.scale.options import HERE, Scale
 from validate.store.atomic import remove_abandoned
 from validate.store.folder import Store, StoreError

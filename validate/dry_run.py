@@ -18,8 +18,8 @@ from render.renderer import light_key
 from scenes import Scene, SweepFile
 from validate.acquire import Acquisition
 from validate.expose import with_exposures
-from validate.progress import EXPECTED_LIGHT_SECONDS, clock
 from validate.run_messages import RunMessages
+from validate.runs.progress import EXPECTED_LIGHT_SECONDS, clock
 from validate.scale.options import HERE, Scale
 from validate.store.atomic import free_bytes
 from validate.store.checksums import SUFFIX, FileSum, read_sums

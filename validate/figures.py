@@ -19,19 +19,19 @@ from render.code_digest import code_of
 from validate.contact_sheet import contact_sheet
 from validate.drawing import plt
 from validate.figure_style import MEASURED, MODEL_COLOURS, TITLE_WIDTH, write_round_numbers
-from validate.file_names import FIGURES, figure_file
 from validate.glyphs import settle_words
 from validate.illustration import colour_scale, draw_configuration, shared_colours
 from validate.measurement import is_measurement
 from validate.measurement_figure import measurement_figure
 from validate.names_beside import shortened, width_of
+from validate.runs.file_names import FIGURES, figure_file
+from validate.runs.table_text import written
 from validate.slopes import Slopes, slopes_of
 from validate.stats.intervals import interval
 from validate.stats.optimum import optimum
 from validate.stats.stars import STEP, star_heights
 from validate.store.folder import Store, atomic_path
 from validate.sweep import SweepResult
-from validate.table_text import written
 from validate.trends import Trend, trend
 
 __all__ = [

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from validate.program import program_name
+from validate.runs.program import program_name
 from validate.scale.options import HERE, Scale
 
 __all__ = ["main", "run"]

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from validate.measurement import measurement_rows
+from validate.runs.table_text import written
 from validate.stats.intervals import interval
 from validate.sweep import SweepResult
-from validate.table_text import written
 from validate.tables import THRESHOLDS_MM, pooled
 
 __all__ = ["error_line", "error_table", "ratio_table"]

@@ -17,22 +17,22 @@ from scenes import Scene, SweepFile, known_sweeps
 from validate import claims, compare, figures, measurement, scales, slopes, summary, tables, trends
 from validate.acquire import Acquired, Acquisition, acquire, with_whole_views
 from validate.dry_run import announce, exposures_assumed
-from validate.exit_codes import EXIT_DONE, EXIT_FAILED
 from validate.expose import with_exposures
-from validate.file_names import check_default_folder, check_names, sweep_name
-from validate.outputs import check_outputs
 from validate.own_metrics import failures_of
 from validate.points.measured_errors import FEWEST_TRIALS
-from validate.progress import clock
 from validate.report.command import REPORT, of_results, source_of_report, write_report
-from validate.run_file import read_run
-from validate.run_files import load_measurement_of, load_sweeps
 from validate.run_messages import RunMessages
+from validate.runs.exit_codes import EXIT_DONE, EXIT_FAILED
+from validate.runs.file_names import check_default_folder, check_names, sweep_name
+from validate.runs.input_files import load_measurement_of, load_sweeps
+from validate.runs.outputs import check_outputs
+from validate.runs.progress import clock
+from validate.runs.run_file import read_run
+from validate.runs.versions import versions
 from validate.scale.options import HERE, Scale
 from validate.store.folder import Store, StoreError, write_text
 from validate.store.remote import is_address, open_store
 from validate.sweep import Plan, SweepResult, assess_sweep, plan
-from validate.versions import versions
 from validate.view_names import names_in_steps
 from validate.warnings_of_views import warn_of_darkness, warn_of_render_noise, warn_of_saturation
 

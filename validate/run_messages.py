@@ -11,12 +11,12 @@ from types import TracebackType
 
 from pss import PSSError
 from validate.acquire import Acquired
-from validate.console import Console
-from validate.events import EventFile
-from validate.exit_codes import EXIT_BROKEN, EXIT_CLOSED_PIPE, EXIT_INTERRUPTED, EXIT_MISTAKE
-from validate.folder_lock import alone_in
-from validate.program import output_is_closed
-from validate.progress import ViewProgress
+from validate.runs.console import Console
+from validate.runs.events import EventFile
+from validate.runs.exit_codes import EXIT_BROKEN, EXIT_CLOSED_PIPE, EXIT_INTERRUPTED, EXIT_MISTAKE
+from validate.runs.folder_lock import alone_in
+from validate.runs.program import output_is_closed
+from validate.runs.progress import ViewProgress
 
 __all__ = ["PLAIN_WIDTH", "RunMessages"]
 

@@ -19,9 +19,9 @@ if __package__ in (None, ""):  # run as a script: the project's root is the pare
 import tyro
 
 from validate import command_line
-from validate.exit_codes import EXIT_BROKEN, EXIT_CODES, EXIT_DONE, EXIT_INTERRUPTED, EXIT_MISTAKE
-from validate.interruption import remember_interrupts
-from validate.program import named_as_called, output_is_closed, program_name, version_line, with_quiet_end
+from validate.runs.exit_codes import EXIT_BROKEN, EXIT_CODES, EXIT_DONE, EXIT_INTERRUPTED, EXIT_MISTAKE
+from validate.runs.interruption import remember_interrupts
+from validate.runs.program import named_as_called, output_is_closed, program_name, version_line, with_quiet_end
 from validate.scale.options import HERE, Scale
 
 __all__ = ["main", "run_sweep"]
@@ -116,7 +116,7 @@ def _main(arguments: list[str]) -> int:
             traceback.print_exc()
             return EXIT_BROKEN
         # Imported late: a mistake of the command line is answered at once.
-        from validate.console import printable
+        from validate.runs.console import printable
 
         print(f"{program_name()}: {printable(str(error))}", file=sys.stderr)
         return EXIT_MISTAKE

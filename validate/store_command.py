@@ -16,7 +16,7 @@ import tyro
 from render.keys import light_code, view_code
 from validate.markers.view_measurement import measure_code
 from validate.pixel_noise.measure import pixel_noise_code
-from validate.program import program_name
+from validate.runs.program import program_name
 from validate.store.checksums import read_sums
 from validate.store.folder import DAMAGED, Store, StoreError
 from validate.store.remote import open_store

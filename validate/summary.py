@@ -10,11 +10,11 @@ from rich.table import Table
 from validate.acquire import Acquired
 from validate.claims import claim_rows
 from validate.compare import Correlation, headline, own_rows
-from validate.console import Console
 from validate.measurement import is_measurement
 from validate.measurement_summary import error_line, error_table, ratio_table
 from validate.own_metrics import own_metrics, own_table
 from validate.points.measured_errors import FEWEST_TRIALS
+from validate.runs.console import Console
 from validate.slopes import slope_rows
 from validate.stats.intervals import FEWEST_RESAMPLED, oracle_regret
 from validate.sweep import SweepResult

@@ -14,10 +14,10 @@ from pss import Evaluation
 from render.renderer import Certificate
 from scenes import Configuration
 from validate.acquire import Acquired, Acquisition
-from validate.csv_files import csv_text
 from validate.markers.darkness import markers_too_dark
 from validate.points.configuration import Assessment, Measured
 from validate.points.error_budget import error_budget
+from validate.runs.csv_file import csv_text
 from validate.stats.intervals import interval
 from validate.store.folder import write_text
 from validate.sweep import SweepResult

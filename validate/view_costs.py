@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from validate.progress import EXPECTED_MEASURE_SECONDS, EXPECTED_SECONDS
+from validate.runs.progress import EXPECTED_MEASURE_SECONDS, EXPECTED_SECONDS
 
 __all__ = [
     "USUAL_RATIO",

@@ -11,7 +11,7 @@ from typing import TypeVar
 
 import cv2
 
-from validate.interruption import interrupts_held
+from validate.runs.interruption import interrupts_held
 from validate.store.atomic import discard_unfinished
 
 __all__ = ["WorkerPool", "end_worker"]

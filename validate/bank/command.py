@@ -44,16 +44,16 @@ from validate.bank.study import (
     visibilities,
 )
 from validate.bank.verdict import leaderboard
-from validate.console import Console
 from validate.dry_run import announce
-from validate.exit_codes import EXIT_DONE, EXIT_FAILED
 from validate.findings.bank import bank_findings
-from validate.findings.tables import read_tables
 from validate.process_levels import Level
-from validate.program import program_name
-from validate.progress import clock
 from validate.run import check_folders
 from validate.run_messages import RunMessages
+from validate.runs.console import Console
+from validate.runs.csv_rows import read_tables
+from validate.runs.exit_codes import EXIT_DONE, EXIT_FAILED
+from validate.runs.program import program_name
+from validate.runs.progress import clock
 from validate.scale.options import HERE, Scale
 from validate.store.folder import write_text
 from validate.store.remote import open_store

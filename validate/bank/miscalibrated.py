@@ -23,11 +23,11 @@ from validate.bank.miscalibrated_prediction import Predictions
 from validate.bank.miscalibrated_study import IN_WEIGHTS, OWN, study
 from validate.bank.prepare import acquire_banks, calibrate, enough
 from validate.bank.study import appearance_of, data_of, noise_models, visibilities
-from validate.console import Console
-from validate.exit_codes import EXIT_DONE, EXIT_FAILED
-from validate.program import program_name
 from validate.run import check_folders
 from validate.run_messages import RunMessages
+from validate.runs.console import Console
+from validate.runs.exit_codes import EXIT_DONE, EXIT_FAILED
+from validate.runs.program import program_name
 from validate.scale.options import HERE, Scale
 from validate.store.remote import open_store
 from validate.tables import write_csv

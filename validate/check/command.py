@@ -17,11 +17,11 @@ from scenes import load_scene
 from scenes.reading.document import named_file, read_toml
 from validate.check.foreseen import Foreseen, camera_rows, foresee, headline, marker_rows, model_rows
 from validate.check.warnings import warnings_of
-from validate.console import Console
 from validate.markers.darkness import light_words
 from validate.own_metrics import OWN_COLUMN, own_metrics
-from validate.program import program_name
-from validate.table_text import table_text
+from validate.runs.console import Console
+from validate.runs.program import program_name
+from validate.runs.table_text import table_text
 
 __all__ = ["main", "run"]
 

@@ -25,7 +25,7 @@ from scenes import Scene
 from validate.markers.darkness import white_irradiance
 from validate.own_metrics import OwnScores, own_scores
 from validate.points.configuration import predict
-from validate.table_text import written
+from validate.runs.table_text import written
 
 __all__ = [
     "LARGEST_BLUR_MODULES",

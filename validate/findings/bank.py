@@ -25,7 +25,7 @@ from validate.findings.size_tables import (
     scale_table,
     sensitivity_table,
 )
-from validate.findings.tables import Tables, first_of, folded
+from validate.runs.csv_rows import Tables, first_of, folded
 
 __all__ = ["bank_findings", "bank_tables"]
 

@@ -9,7 +9,7 @@ from validate.findings.calibration_error import calibration_error_sentences
 from validate.findings.contenders import CALIBRATED, contenders_in
 from validate.findings.places import COUNT, FILTER, HEADLINE, SHARE, SINGLE_FRAME, Place, places_of_reference
 from validate.findings.sentences import with_population
-from validate.findings.tables import NOTHING, Row, all_of, markdown_table, number, percent, read_tables, with_range
+from validate.runs.csv_rows import NOTHING, Row, all_of, markdown_table, number, percent, read_tables, with_range
 
 __all__ = ["BANK_BLOCKS"]
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from validate.findings.places import places_of_reference
 from validate.findings.process import SCENES_STEP_MM
-from validate.findings.tables import NOTHING, Row, all_of, number, read_tables, value_of
+from validate.runs.csv_rows import NOTHING, Row, all_of, number, read_tables, value_of
 
 __all__ = ["DOCS_BLOCKS"]
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from validate.findings.blocks_of_sweeps import table_text
-from validate.findings.tables import Row, all_of, number, read_tables, with_range
+from validate.runs.csv_rows import Row, all_of, number, read_tables, with_range
 
 __all__ = ["HALLWAY_BLOCKS"]
 

@@ -7,7 +7,7 @@ import statistics
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from validate.findings.tables import Row, all_of, number, one_of, percent, read_tables, with_range
+from validate.runs.csv_rows import Row, all_of, number, one_of, percent, read_tables, with_range
 
 __all__ = ["SWEEP_BLOCKS", "table_text"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from validate.findings.tables import Row, all_of
+from validate.runs.csv_rows import Row, all_of
 
 __all__ = ["budget_findings"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from validate.findings.tables import Row, with_range
+from validate.runs.csv_rows import Row, with_range
 
 __all__ = ["LOST", "calibration_error_findings", "calibration_error_sentences"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import statistics
 from collections.abc import Sequence
 
-from validate.findings.tables import NOTHING, Row, all_of, markdown_table, number
+from validate.runs.csv_rows import NOTHING, Row, all_of, markdown_table, number
 
 __all__ = ["factor_findings"]
 

@@ -19,7 +19,7 @@ from validate.findings.places import COUNT, HEADLINE, SINGLE_FRAME, Place
 from validate.findings.process_figure import COUNTED_BY, SHARE, headline_levels, process_curves, process_figure
 from validate.findings.sigma_figure import SIGMA_AXIS, sigma_rows
 from validate.findings.size_figure import size_curves, size_figure
-from validate.findings.tables import Row, all_of, bounds, first_of
+from validate.runs.csv_rows import Row, all_of, bounds, first_of
 from validate.store.folder import atomic_path
 
 __all__ = ["Drawing", "digest_in", "drawings_of", "write_pdf", "write_svg"]

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from validate.drawing import plt
 from validate.findings.contenders import Contender
-from validate.findings.tables import Row, bounds
+from validate.runs.csv_rows import Row, bounds
 
 __all__ = ["INDENT", "Axis", "Mark", "Panel", "columns_for", "forest", "mark_of", "power_of_ten", "scale_axis", "style"]
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import statistics
 from collections.abc import Iterable, Sequence
 
-from validate.findings.tables import NOTHING, Row, Tables, all_of, markdown_table, number, one_of, percent, with_range
+from validate.runs.csv_rows import NOTHING, Row, Tables, all_of, markdown_table, number, one_of, percent, with_range
 
 __all__ = ["hallway_findings"]
 

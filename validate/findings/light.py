@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from validate.findings.tables import Tables, number, one_of
+from validate.runs.csv_rows import Tables, number, one_of
 
 __all__ = ["light_findings"]
 

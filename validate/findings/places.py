@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from validate.findings.tables import Row, Tables, all_of, first_of, read_tables
+from validate.runs.csv_rows import Row, Tables, all_of, first_of, read_tables
 
 __all__ = ["COUNT", "FILTER", "HEADLINE", "SHARE", "SINGLE_FRAME", "Place", "places_of_bank", "places_of_reference"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from validate.findings.places import Place
-from validate.findings.tables import Row
+from validate.runs.csv_rows import Row
 
 __all__ = ["cases", "common_population", "titles"]
 

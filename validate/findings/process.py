@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from validate.findings.contenders import CALIBRATED, PHYSICAL, contenders_in
 from validate.findings.places import COUNT, FILTER, SHARE, Place
-from validate.findings.tables import (
+from validate.runs.csv_rows import (
     NOTHING,
     Row,
     all_of,

@@ -13,7 +13,7 @@ from validate.findings.curves import Curve, draw_curves, label_below, legend_bel
 from validate.findings.forest import FONT_PT, power_of_ten, scale_axis, style
 from validate.findings.places import COUNT, Place
 from validate.findings.process import MOTIONS
-from validate.findings.tables import Row, all_of, bounds, first_of, value_of
+from validate.runs.csv_rows import Row, all_of, bounds, first_of, value_of
 
 __all__ = ["SHARE", "headline_levels", "process_curves", "process_figure"]
 

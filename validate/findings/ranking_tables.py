@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from validate.findings.contenders import contenders_in
 from validate.findings.places import COUNT, FILTER, HEADLINE, SHARE, SINGLE_FRAME, Place
 from validate.findings.process import COUNTED_BY, MOTIONS, at_headline, at_the_scenes
-from validate.findings.tables import (
+from validate.runs.csv_rows import (
     NOTHING,
     Row,
     all_of,

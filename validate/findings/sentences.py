@@ -22,7 +22,7 @@ from validate.findings.process import (
     level_words,
     ratio_words,
 )
-from validate.findings.tables import (
+from validate.runs.csv_rows import (
     Row,
     all_of,
     bounds,

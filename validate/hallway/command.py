@@ -19,9 +19,7 @@ from scenes.steps.schedule_file import load_schedule
 from validate.acquire import Acquired, acquire, with_whole_views
 from validate.bank.study import FREE_MODELS, check_models, judged, scene_contenders
 from validate.compare import correlation_rows
-from validate.console import Console
 from validate.dry_run import announce
-from validate.exit_codes import EXIT_DONE, EXIT_FAILED
 from validate.hallway.agreement import ALL_RUNS, agreement_rows
 from validate.hallway.claims import claim_rows
 from validate.hallway.own_cameras import own_cameras
@@ -38,15 +36,17 @@ from validate.hallway.stage import BOTH, stage_of
 from validate.hallway.study import FULL_MODEL, MODELS, Design, assess_held, design_of, training_levels
 from validate.hallway.training import calibrate_hallway, training_views
 from validate.hallway.wanted import Wanted
-from validate.program import program_name
-from validate.progress import clock
 from validate.run import check_folders, linked_views
 from validate.run_messages import RunMessages
+from validate.runs.console import Console
+from validate.runs.exit_codes import EXIT_DONE, EXIT_FAILED
+from validate.runs.program import program_name
+from validate.runs.progress import clock
+from validate.runs.versions import versions
 from validate.scale.options import HERE, Scale
 from validate.store.folder import Store, atomic_path, write_text
 from validate.store.remote import open_store
 from validate.tables import detection_rows, timing_rows, view_rows, write_csv
-from validate.versions import versions
 from validate.view_names import view_names
 from validate.warnings_of_views import warn_of_darkness, warn_of_render_noise, warn_of_saturation
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import tyro
 
-from validate.program import program_name
+from validate.runs.program import program_name
 
 __all__ = ["main", "run"]
 
@@ -31,10 +31,10 @@ def run(
     import sys
 
     from pss import RangeError
-    from validate.console import Console
-    from validate.folder_lock import alone_in
     from validate.pixel_noise.report import make
     from validate.run import check_folders
+    from validate.runs.console import Console
+    from validate.runs.folder_lock import alone_in
 
     if trials is not None and trials < 2:
         raise RangeError(f"--trials {trials}; allowed: 2 or more (a spread needs two)")

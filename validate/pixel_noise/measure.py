@@ -23,7 +23,7 @@ from validate.markers.view_measurement import APART as MEASURE_APART
 from validate.markers.view_measurement import measure_capture
 from validate.pixel_noise.design import Plan, Shot
 from validate.pixel_noise.laboratory import DICTIONARY, Setup
-from validate.progress import ViewProgress
+from validate.runs.progress import ViewProgress
 from validate.store.arrays import Arrays, check_arrays
 from validate.store.folder import Store
 from validate.worker_queue import WorkerQueue
@@ -36,7 +36,7 @@ Floats = NDArray[np.float64]
 MOST_WAITING = 8
 APART = MEASURE_APART | {
     "validate.pixel_noise.design": "chooses what is measured, which the names of views hold",
-    "validate.progress": "counts for people",
+    "validate.runs.progress": "counts for people",
     "validate.worker_queue": "has calls made in other processes",
 }
 """Modules that the code of these measurements does not count, with the reason."""

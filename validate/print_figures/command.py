@@ -16,15 +16,15 @@ from render.lens.sampling import Sampling
 from scenes import load_scene, load_sweep
 from scenes.steps.schedule_file import load_schedule
 from validate.acquire import Acquired, Acquisition, acquire
-from validate.console import Console
-from validate.folder_lock import alone_in
-from validate.program import program_name
-from validate.progress import EXPECTED_SECONDS, ViewProgress, clock
 from validate.run import check_folders
+from validate.runs.console import Console
+from validate.runs.folder_lock import alone_in
+from validate.runs.program import program_name
+from validate.runs.progress import EXPECTED_SECONDS, ViewProgress, clock
+from validate.runs.table_text import table_text
 from validate.store.folder import Store, StoreError, write_text
 from validate.store.remote import open_store
 from validate.sweep import assess_sweep, plan
-from validate.table_text import table_text
 from validate.view_names import view_names
 
 __all__ = ["main", "run"]

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from validate.csv_files import number_in
-from validate.findings.tables import Row
+from validate.runs.csv_file import number_in
+from validate.runs.csv_rows import Row
 from validate.store.folder import StoreError
 
 __all__ = ["Columns", "check_counts", "is_number", "whole_number"]

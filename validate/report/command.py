@@ -22,10 +22,8 @@ from scenes import load_scene, load_sweep
 from validate.acquire import Acquisition, baked
 from validate.expose import with_exposures
 from validate.figures import APART
-from validate.folder_lock import alone_in
 from validate.markers.view_measurement import ViewMeasurement
 from validate.points.configuration import predict
-from validate.program import program_name
 from validate.report.data import read_sweeps
 from validate.report.files import REPORT, stored_measurements
 from validate.report.images import pictures_of
@@ -33,8 +31,10 @@ from validate.report.model_file import write_models
 from validate.report.named import Given
 from validate.report.page import Section, html_of, section_of
 from validate.report.steps import steps_of_plan
-from validate.run_file import listed, needed, option, read_run
-from validate.run_files import load_measurement_of
+from validate.runs.folder_lock import alone_in
+from validate.runs.input_files import load_measurement_of
+from validate.runs.program import program_name
+from validate.runs.run_file import listed, needed, option, read_run
 from validate.store.folder import Store, StoreError, write_text
 from validate.store.remote import open_store
 from validate.sweep import Plan, SweepResult, plan

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from validate.csv_files import number_in
-from validate.findings.tables import all_of
 from validate.report.data import MM, SweepTable
 from validate.report.traces import Figure
-from validate.table_text import written
+from validate.runs.csv_file import number_in
+from validate.runs.csv_rows import all_of
+from validate.runs.table_text import written
 
 __all__ = ["is_measurement", "marker_rows", "measured_in_words", "of_one_step", "ratio_rows"]
 

@@ -15,13 +15,13 @@ import trimesh
 from numpy.typing import NDArray
 
 from render.world.geometry import plate_corners
-from validate.file_names import model_file
 from validate.report.bodies import object_meshes
 from validate.report.data import KINDS
 from validate.report.frusta import frustum, room_corners
 from validate.report.page import Section
 from validate.report.shades import plate_colours
 from validate.report.space import PLATE_MODULES
+from validate.runs.file_names import model_file
 from validate.store.folder import atomic_path
 
 __all__ = ["glb_of", "linear", "model_of", "write_models"]

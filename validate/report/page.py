@@ -17,7 +17,7 @@ from validate.report.images import LAYERS, MOST_BLUR_PX, Crop, Pictures, chosen_
 from validate.report.scene3d import GROUPS, Group
 from validate.report.steps import Step
 from validate.report.traces import Choice, Columns, Figure, only_changes
-from validate.table_text import written
+from validate.runs.table_text import written
 
 __all__ = ["KIND_CHOICE", "Courses", "Section", "html_of", "joined_columns", "page_of", "section_of", "words_of"]
 

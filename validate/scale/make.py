@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from render.backend import Backend
 from render.renderer import light_key, state_key
 from validate.acquisition import Acquired, Acquisition, by_state, said
-from validate.interruption import raise_if_interrupted
-from validate.progress import ViewProgress
+from validate.runs.interruption import raise_if_interrupted
+from validate.runs.progress import ViewProgress
 from validate.scale.checks import check_workers, store_name
 from validate.scale.handout import MOST_DEATHS, Handout
 from validate.scale.options import Scale

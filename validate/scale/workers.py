@@ -27,7 +27,7 @@ from dask.system import CPU_COUNT
 from distributed import CancelledError, Client, Future, KilledWorker, LocalCluster, Nanny, Worker, WorkerPlugin
 
 from pss import PSSError
-from validate.interruption import interrupts_held, raise_if_interrupted
+from validate.runs.interruption import interrupts_held, raise_if_interrupted
 from validate.scale.call import call
 from validate.scale.options import Scale
 from validate.scale.work import Job, Made

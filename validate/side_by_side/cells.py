@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 
-from validate.table_text import written
+from validate.runs.table_text import written
 
 __all__ = ["cell", "cells", "value_text"]
 

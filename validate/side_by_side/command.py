@@ -10,14 +10,14 @@ from typing import Annotated, Literal
 import tyro
 from rich.table import Table
 
-from validate.console import Console
-from validate.folder_lock import alone_in
-from validate.program import program_name
+from validate.runs.console import Console
+from validate.runs.folder_lock import alone_in
+from validate.runs.program import program_name
+from validate.runs.table_text import table_text
 from validate.side_by_side.cells import cells
 from validate.side_by_side.rows import QUANTITIES, Quantity, matched
 from validate.side_by_side.runs import Side, settings_rows, sides_of
 from validate.store.folder import StoreError
-from validate.table_text import table_text
 
 __all__ = ["compared", "main", "run"]
 

@@ -10,8 +10,8 @@ from typing import Any
 
 from pss.json_text import json_text
 from scenes.errors import nearest
-from validate.csv_files import read_csv, read_head
-from validate.run_file import read_run
+from validate.runs.csv_file import read_csv, read_head
+from validate.runs.run_file import read_run
 from validate.store.folder import StoreError
 
 __all__ = ["Side", "settings_rows", "sides_of"]

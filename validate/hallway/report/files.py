@@ -29,7 +29,7 @@ from validate.report.files import REPORT, stored_measurements
 from validate.report.images import pictures_of
 from validate.report.model_file import write_models
 from validate.report.named import Given
-from validate.run_file import listed, needed, option
+from validate.runs.run_file import listed, needed, option
 from validate.store.folder import Store, StoreError, write_text
 from validate.store.remote import open_store
 

@@ -17,7 +17,7 @@ from validate.report.scene3d import Group
 from validate.report.steps import Step
 from validate.report.traces import Choice
 from validate.report.verdict import claims
-from validate.table_text import written
+from validate.runs.table_text import written
 
 __all__ = ["html_of_schedule", "schedule_section"]
 

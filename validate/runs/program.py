@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from validate.exit_codes import EXIT_CLOSED_PIPE
+from validate.runs.exit_codes import EXIT_CLOSED_PIPE
 
 __all__ = ["named_as_called", "output_is_closed", "program_name", "version_line", "with_quiet_end"]
 

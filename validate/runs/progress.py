@@ -10,8 +10,8 @@ from types import TracebackType
 from rich.progress import BarColumn, Progress, TextColumn
 
 from render.renderer import ViewRequest
-from validate.console import Console
-from validate.events import EventFile
+from validate.runs.console import Console
+from validate.runs.events import EventFile
 
 __all__ = ["ViewProgress", "clock"]
 

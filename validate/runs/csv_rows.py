@@ -11,7 +11,7 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from validate.csv_files import read_csv
+from validate.runs.csv_file import read_csv
 
 __all__ = [
     "NOTHING",

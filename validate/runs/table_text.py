@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from pss import RangeError
-from validate.csv_files import csv_text
+from validate.runs.csv_file import csv_text
 
 __all__ = ["TABLE_KINDS", "table_text", "written"]
 

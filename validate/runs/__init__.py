@@ -1,0 +1,1 @@
+"""What every run has in common: its files, messages, progress, exit codes and versions."""
