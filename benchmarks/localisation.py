@@ -24,7 +24,7 @@ from render.lens.sampling import Sampling
 from render.renderer import Renderer, random_stream
 from render.sensor import capture
 from scenes import load_scene
-from validate.acquire import baked
+from validate.acquire.acquire import baked
 from validate.markers import localise as localisation
 from validate.markers import marker_image, registration
 from validate.markers.cramer_rao import centre_bound, draw_finely, on_marker, pixel_sums

@@ -33,7 +33,7 @@ from render.renderer import RenderedView, Renderer
 from render.sensor import capture
 from render.world.marker_print import predefined_dictionary
 from scenes import Scene, load_scene
-from validate.acquire import baked
+from validate.acquire.acquire import baked
 from validate.markers.detect import find_markers
 from validate.store.folder import Store
 from validate.store.views import certificate_of, load_view, save_view

@@ -27,7 +27,7 @@ from render import backend
 from render.lens.sampling import Sampling
 from render.renderer import Renderer
 from scenes import Scene, load_scene
-from validate.acquire import baked
+from validate.acquire.acquire import baked
 from validate.store.folder import Store
 
 ROOT = Path(__file__).resolve().parents[1]

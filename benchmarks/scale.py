@@ -27,10 +27,10 @@ import tyro
 from render import backend
 from scenes import load_scene, load_sweep
 from scenes.steps.sweep_file import SWEEPS
-from validate.acquire import baked
-from validate.scale import workers as dask_workers
-from validate.scale.options import Scale
-from validate.scale.work import Job, Made, Place
+from validate.acquire import dask_workers
+from validate.acquire.acquire import baked
+from validate.acquire.job import Job, Made, Place
+from validate.acquire.options import Scale
 from validate.store.folder import Store
 
 ROOT = Path(__file__).resolve().parents[1]

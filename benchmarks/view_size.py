@@ -4,7 +4,8 @@
 
 The room's camera 4, with the sweeps' bound on sampling noise, the same field of view and as many electrons a pixel at
 each size. Each job runs in a process of its own, so that the peak is its alone: render and store a view, or load it and
-measure two captures. The last lines fit straight lines over the pixels, which `validate/view_costs.py` reckons with.
+measure two captures. The last lines fit straight lines over the pixels, which `validate/acquire/view_costs.py` reckons
+with.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from render.lens.sampling import Sampling
 from render.renderer import Renderer
 from scenes import load_scene
 from scenes.steps.sweep_file import SweepSpec
-from validate.acquire import baked
+from validate.acquire.acquire import baked
 from validate.markers.view_measurement import MeasureTask, measure
 from validate.store.folder import Store
 from validate.store.views import save_view

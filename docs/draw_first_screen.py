@@ -30,7 +30,7 @@ from render.light.lit_scene import GlowMeshes
 from render.renderer import RenderedView, Renderer
 from render.world.state import Room
 from scenes import load_scene, load_sweep
-from validate.acquire import acquire, baked
+from validate.acquire.acquire import acquire, baked
 from validate.figures import draw_curves
 from validate.illustration import COLOUR_MAP, OTHER, VARIED, colour_scale, shared_colours
 from validate.report.frusta import frustum

@@ -20,7 +20,7 @@ def room():
 @pytest.fixture(scope="session")
 def room_store(room, tmp_path_factory):
     """A store that holds the room's light."""
-    from validate.acquire import baked
+    from validate.acquire.acquire import baked
     from validate.store.folder import Store
 
     # Workers of pytest-xdist have a folder each, beside each other.
@@ -43,7 +43,7 @@ def room_renderer(room, room_store, mi):
     """A renderer of the shipped room."""
     from render import backend
     from render.renderer import Renderer
-    from validate.acquire import baked
+    from validate.acquire.acquire import baked
 
     return Renderer(room.state, baked(room.state, room_store), backend.choose())
 

@@ -11,7 +11,7 @@ from render.lens.sampling import Sampling
 from render.renderer import Certificate, RenderedView
 from scenes import load_scene, load_sweep
 from validate import claims, compare, measurement, tables, trends
-from validate.acquire import Acquired, Acquisition
+from validate.acquire.acquire import Acquired, Acquisition
 from validate.markers.view_measurement import ViewMeasurement
 from validate.report.command import of_results, write_report
 from validate.store.folder import Store

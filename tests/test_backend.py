@@ -146,7 +146,7 @@ from render.renderer import Renderer
 from scenes.scene import load_scene
 from tests.test_backend import MARKER, SAMPLING
 from tests.views import window
-from validate.acquire import baked
+from validate.acquire.acquire import baked
 from validate.store.folder import Store
 
 room = load_scene(sys.argv[1])

@@ -87,7 +87,7 @@ def test_shifted_detections_are_other_measurements(tmp_path):
         ("validate/tables.py", False, False),
         ("validate/report/page.py", False, False),
         ("validate/store/folder.py", False, False),
-        ("validate/worker_pool.py", False, False),
+        ("validate/acquire/pool.py", False, False),
         ("pss/riccati/solve.py", False, False),
         ("pss/__init__.py", False, False),
         ("scenes/markers/layout.py", False, False),
@@ -193,7 +193,7 @@ PRINT_DIGESTS = """
 import render.code_digest as digests
 digests.installed_version = lambda name: "1"
 print([digests.code_of(entry).digest for entry in ("render.renderer", "validate.markers.view_measurement",
-"validate.scale.work")])
+"validate.acquire.job")])
 """
 
 
@@ -249,7 +249,7 @@ def test_figures_and_reports_hang_on_all_that_draws_them():
         assert not {
             "validate.store.folder",
             "validate.markers.localise",
-            "validate.acquire",
+            "validate.acquire.acquire",
             "render.lens.sampling",
         } & set(code.modules)
 

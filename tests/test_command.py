@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
+from validate.acquire.options import Scale
 from validate.command_line import COMMANDS, OVERVIEW, misspelt
 from validate.run_sweep import run_sweep
-from validate.scale.options import Scale
 
 ROOT = Path(__file__).parents[1]
 SCRIPT = ROOT / "validate" / "run_sweep.py"

@@ -20,7 +20,8 @@ from render.renderer import ViewRequest, state_key
 from scenes import load_scene
 from tests import made_up_run as made_up
 from tests.test_sweep_run import SCENE, SWEEP
-from validate.acquire import Acquired, Acquisition
+from validate.acquire.acquire import Acquired, Acquisition
+from validate.acquire.quality_warnings import warn_of_darkness
 from validate.check.command import run as check
 from validate.check.foreseen import camera_rows, foresee
 from validate.check.warnings import warnings_of
@@ -29,7 +30,6 @@ from validate.report.data import read_sweeps
 from validate.report.verdict import remarks
 from validate.tables import detection_rows
 from validate.view_names import view_names
-from validate.warnings_of_views import warn_of_darkness
 
 ROOT = Path(__file__).parents[1]
 # nm, ∫V(λ) dλ as the CIE has it; the table is summed by logarithms between its values.

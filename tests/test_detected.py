@@ -13,7 +13,7 @@ from pss.visibility.targets import TARGET_VISIBILITY
 from render.renderer import state_key
 from scenes import load_scene
 from tests.conftest import ROOM_FILE
-from validate.acquire import Acquired
+from validate.acquire.acquire import Acquired
 from validate.bank.design import BankDesign, held_out_views
 from validate.bank.detected import detection_rows, reliability_rows
 from validate.bank.measured import BankData

@@ -14,17 +14,17 @@ from render import backend
 from render.lens.sampling import Sampling
 from tests.test_store_views import REQUEST, VIEW, ZOOMS, no_progress, wanted  # noqa: F401 (a fixture)
 from tests.test_sweep_run import ALONE, SCENE
-from validate import dry_run
-from validate.acquire import acquire
-from validate.dry_run import LEAST_KNOWN, announce, forecast
-from validate.run_messages import RunMessages
+from validate.acquire import forecast as dry_run
+from validate.acquire.acquire import acquire
+from validate.acquire.forecast import LEAST_KNOWN, announce, forecast
+from validate.acquire.messages import RunMessages
+from validate.acquire.options import HERE, Scale
+from validate.acquire.view_costs import USUAL_RATIO, measure_seconds, render_seconds
 from validate.run_sweep import main
 from validate.runs.progress import EXPECTED_LIGHT_SECONDS, EXPECTED_MEASURE_SECONDS, EXPECTED_SECONDS
-from validate.scale.options import HERE, Scale
 from validate.store.checksums import sum_path
 from validate.store.folder import Store
 from validate.store.views import save_view
-from validate.view_costs import USUAL_RATIO, measure_seconds, render_seconds
 
 WORKERS = 2
 # Between bytes or seconds that were foreseen at documented rates and those of a run: the closet's views are a sixteenth

@@ -9,13 +9,13 @@ import os
 
 import pytest
 
-import validate.acquire as acquiring
+import validate.acquire.acquire as acquiring
 import validate.run
 from pss import RangeError
 from tests.test_store_views import ZOOMS, NoiseRenderer, wanted  # noqa: F401 (a fixture)
 from validate import run_sweep
-from validate.acquire import Acquired, acquire
-from validate.run_messages import RunMessages
+from validate.acquire.acquire import Acquired, acquire
+from validate.acquire.messages import RunMessages
 from validate.runs.events import EVENTS, EventFile
 from validate.runs.exit_codes import EXIT_BROKEN, EXIT_DONE, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_MISTAKE
 from validate.store.folder import Store, StoreError

@@ -16,7 +16,7 @@ from render.lens.sampling import Sampling
 from render.light.exposure import AutoExposure, choose_exposure
 from render.sensor import expected_electrons
 from scenes import load_scene, load_sweep
-from validate.expose import with_exposures
+from validate.acquire.auto_exposure import with_exposures
 from validate.store.folder import Store
 from validate.sweep import plan
 

@@ -13,13 +13,13 @@ import pytest
 from pss import RangeError
 from tests.made_up_run import made_up_run
 from tests.test_sweep_run import SCENE, SWEEP
+from validate.acquire.messages import RunMessages
 from validate.bank.design import BankDesign
 from validate.compare import correlation_rows
 from validate.figures import draw_curves
 from validate.report.data import read_sweeps
 from validate.report.verdict import in_words
 from validate.run import Options, execute
-from validate.run_messages import RunMessages
 from validate.runs.console import Console
 from validate.summary import show
 from validate.tables import configuration_rows

@@ -9,7 +9,7 @@ from multiprocessing import get_context
 import pytest
 
 from tests.test_side_by_side import a_run
-from validate.run_messages import RunMessages
+from validate.acquire.messages import RunMessages
 from validate.run_sweep import main
 from validate.runs import folder_lock
 from validate.runs.folder_lock import IN_USE, alone_in

@@ -13,7 +13,7 @@ from rich.console import Console
 from pss import noise_model
 from render import backend
 from render.renderer import state_key
-from validate.acquire import acquire
+from validate.acquire.acquire import acquire
 from validate.bank.design import draw_configurations
 from validate.bank.gate_bank import gate_bank, measured_points, predicted_points, turned_view
 from validate.gate import Claim, family_level, format_claims, judge, turn_shows

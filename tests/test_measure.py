@@ -8,8 +8,8 @@ import time
 
 import pytest
 
+from validate.acquire.pool import WorkerPool
 from validate.store.folder import atomic_path
-from validate.worker_pool import WorkerPool
 
 
 def _write_slowly(path):

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 import validate.run
+from validate.acquire.messages import RunMessages
 from validate.run import Options, check_folders, execute, linked_views
-from validate.run_messages import RunMessages
 from validate.run_sweep import main
 from validate.runs.outputs import FOLDERS, check_outputs
 from validate.store.folder import Store, StoreError, write_text

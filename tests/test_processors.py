@@ -20,7 +20,7 @@ from render.lens.sampling import Sampling
 from render.renderer import Renderer, ViewRequest, light_key
 from render.sensor import expected_electrons
 from tests.views import window
-from validate.acquire import baked
+from validate.acquire.acquire import baked
 from validate.markers.view_measurement import MeasureTask, load_measurement, measure
 from validate.store.folder import Store
 from validate.store.views import save_view

@@ -19,7 +19,7 @@ import pytest
 from dask.system import CPU_COUNT
 from rich.console import Console
 
-import validate.scale.workers as dask_workers
+import validate.acquire.dask_workers as dask_workers
 from pss import MissingLibraryError, PSSError, RangeError
 from render import backend
 from render.keys import light_key, state_key
@@ -28,17 +28,17 @@ from render.renderer import Certificate
 from scenes import load_scene
 from tests.test_store_views import MARKER, REQUEST
 from tests.test_sweep_run import ALONE, DETERMINED, SCENE, SELECTION, SWEEP, command, run
-from validate.acquire import acquire, baked
-from validate.acquisition import Acquired, Acquisition, views_of
+from validate.acquire import options
+from validate.acquire.acquire import acquire, baked
+from validate.acquire.checks import WorkerReport, misfit, report
+from validate.acquire.dask_workers import WorkerGoneError, workers_of
+from validate.acquire.handout import MOST_DEATHS
+from validate.acquire.job import Made, Place
+from validate.acquire.options import HERE, Scale
+from validate.acquire.request import Acquired, Acquisition, views_of
+from validate.acquire.run_jobs import hand_out
 from validate.run_sweep import main
 from validate.runs.progress import ViewProgress
-from validate.scale import options
-from validate.scale.checks import WorkerReport, misfit, report
-from validate.scale.handout import MOST_DEATHS
-from validate.scale.make import hand_out
-from validate.scale.options import HERE, Scale
-from validate.scale.work import Made, Place
-from validate.scale.workers import WorkerGoneError, workers_of
 from validate.store.folder import Store, StoreError
 
 PLACE = Place("store", "llvm_ad_mono", REQUEST.renderer, 1)
@@ -286,7 +286,7 @@ def test_without_dask_one_line_says_what_to_install_and_one_process_needs_none(s
 
 def test_the_modules_of_a_run_in_one_process_load_no_dask():
     """It is an extra; asked in a process of its own."""
-    script = "import validate.acquire, validate.scale.options, sys; print('dask' in sys.modules)"
+    script = "import validate.acquire.acquire, validate.acquire.options, sys; print('dask' in sys.modules)"
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}
     done = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"

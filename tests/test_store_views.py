@@ -18,18 +18,18 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-import validate.acquire as acquiring
+import validate.acquire.acquire as acquiring
 from pss import PTZCamera
 from render.files.exr import write_view
 from render.renderer import random_stream, state_key
 from render.world.state import Light, Marker, Panel
 from tests.views import an_awkward_view
-from validate.acquire import Acquisition, acquire, with_whole_views
+from validate.acquire.acquire import Acquisition, acquire, with_whole_views
+from validate.acquire.queue import WorkerQueue
 from validate.runs.progress import ViewProgress
 from validate.store.folder import Store, StoreError
 from validate.store.locks import RESERVATIONS
 from validate.store.views import DamagedViewError, certificate_of, load_view, save_view, stored_view
-from validate.worker_queue import WorkerQueue
 
 REQUEST, VIEW = an_awkward_view()
 # Of the camera: enough views that some are whole while one is damaged.

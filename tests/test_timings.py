@@ -8,8 +8,8 @@ import math
 import numpy as np
 
 from tests.views import an_awkward_view
-from validate.acquire import _certified
-from validate.acquisition import Acquired, Acquisition
+from validate.acquire.acquire import _certified
+from validate.acquire.request import Acquired, Acquisition
 from validate.markers.view_measurement import ViewMeasurement
 from validate.store.folder import Store
 from validate.store.views import render_seconds_of, save_view

@@ -8,9 +8,9 @@ from pss import ImageSensor, PTZCamera
 from render.lens.sampling import Sampling
 from render.renderer import Certificate, ViewRequest
 from tests.test_view_keys import STATE
-from validate.acquire import Acquired, Acquisition
+from validate.acquire.acquire import Acquired, Acquisition
+from validate.acquire.quality_warnings import SATURATED_SHARE, warn_of_render_noise, warn_of_saturation
 from validate.view_names import view_names
-from validate.warnings_of_views import SATURATED_SHARE, warn_of_render_noise, warn_of_saturation
 
 
 def told(warn, **values: list[float]) -> str:

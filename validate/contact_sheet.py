@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from render.renderer import RenderedView
-from validate.acquire import Acquisition
+from validate.acquire.acquire import Acquisition
 from validate.glyphs import glyph_runs
 from validate.markers.detect import find_markers
 from validate.store.folder import Store, atomic_path

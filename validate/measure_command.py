@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 
 import tyro
 
+from validate.acquire.options import HERE, Scale
 from validate.runs.program import program_name
-from validate.scale.options import HERE, Scale
 
 __all__ = ["main", "run"]
 
@@ -51,8 +51,8 @@ def run(
         scale: where views are made (docs/scale.md).
     """
     from scenes.reading.document import named_file
+    from validate.acquire.messages import RunMessages
     from validate.run import Options, execute
-    from validate.run_messages import RunMessages
 
     path = named_file(scene, SCENES, "scene")
     options = Options(

@@ -15,13 +15,15 @@ from render import backend
 from render.lens.sampling import Sampling
 from scenes import Scene, SweepFile, known_sweeps
 from validate import claims, compare, figures, measurement, scales, slopes, summary, tables, trends
-from validate.acquire import Acquired, Acquisition, acquire, with_whole_views
-from validate.dry_run import announce, exposures_assumed
-from validate.expose import with_exposures
+from validate.acquire.acquire import Acquired, Acquisition, acquire, with_whole_views
+from validate.acquire.auto_exposure import with_exposures
+from validate.acquire.forecast import announce, exposures_assumed
+from validate.acquire.messages import RunMessages
+from validate.acquire.options import HERE, Scale
+from validate.acquire.quality_warnings import warn_of_darkness, warn_of_render_noise, warn_of_saturation
 from validate.own_metrics import failures_of
 from validate.points.measured_errors import FEWEST_TRIALS
 from validate.report.command import REPORT, of_results, source_of_report, write_report
-from validate.run_messages import RunMessages
 from validate.runs.exit_codes import EXIT_DONE, EXIT_FAILED
 from validate.runs.file_names import check_default_folder, check_names, sweep_name
 from validate.runs.input_files import load_measurement_of, load_sweeps
@@ -29,12 +31,10 @@ from validate.runs.outputs import check_outputs
 from validate.runs.progress import clock
 from validate.runs.run_file import read_run
 from validate.runs.versions import versions
-from validate.scale.options import HERE, Scale
 from validate.store.folder import Store, StoreError, write_text
 from validate.store.remote import is_address, open_store
 from validate.sweep import Plan, SweepResult, assess_sweep, plan
 from validate.view_names import names_in_steps
-from validate.warnings_of_views import warn_of_darkness, warn_of_render_noise, warn_of_saturation
 
 __all__ = ["Options", "check_folders", "execute", "linked_views"]
 

@@ -19,10 +19,10 @@ if __package__ in (None, ""):  # run as a script: the project's root is the pare
 import tyro
 
 from validate import command_line
+from validate.acquire.options import HERE, Scale
 from validate.runs.exit_codes import EXIT_BROKEN, EXIT_CODES, EXIT_DONE, EXIT_INTERRUPTED, EXIT_MISTAKE
 from validate.runs.interruption import remember_interrupts
 from validate.runs.program import named_as_called, output_is_closed, program_name, version_line, with_quiet_end
-from validate.scale.options import HERE, Scale
 
 __all__ = ["main", "run_sweep"]
 
@@ -69,8 +69,8 @@ def run_sweep(
         report: write report.html, which shows the run in a browser, and its scene as glTF.
         scale: where views are made (docs/scale.md).
     """
+    from validate.acquire.messages import RunMessages
     from validate.run import Options, execute
-    from validate.run_messages import RunMessages
 
     options = Options(
         sweeps, scene, out, store, trials, seed, set, variant, dry_run, allow_outside, quiet, scale, report

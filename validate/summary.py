@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from rich.table import Table
 
-from validate.acquire import Acquired
+from validate.acquire.acquire import Acquired
 from validate.claims import claim_rows
 from validate.compare import Correlation, headline, own_rows
 from validate.measurement import is_measurement

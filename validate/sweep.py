@@ -13,7 +13,7 @@ from pss import RangeError
 from render.lens.sampling import Sampling
 from render.renderer import random_stream, state_key
 from scenes import Configuration, Scene, SweepFile
-from validate.acquire import Acquired, Acquisition, views_of
+from validate.acquire.acquire import Acquired, Acquisition, views_of
 from validate.markers.view_measurement import ViewMeasurement
 from validate.own_metrics import OwnScores, own_metrics, own_scores
 from validate.points.configuration import Assessment, assess

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pss import Evaluation
 from render.renderer import Certificate
 from scenes import Configuration
-from validate.acquire import Acquired, Acquisition
+from validate.acquire.acquire import Acquired, Acquisition
 from validate.markers.darkness import markers_too_dark
 from validate.points.configuration import Assessment, Measured
 from validate.points.error_budget import error_budget

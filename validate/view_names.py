@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from render.renderer import ViewRequest
-from validate.acquire import Acquisition
+from validate.acquire.acquire import Acquisition
 from validate.sweep import Plan
 
 __all__ = ["names_in_steps", "view_name", "view_names"]

@@ -11,7 +11,7 @@ from pss import NoiseModel
 from pss.cameras.views import Views
 from pss.riccati.covariances import root_trace
 from pss.visibility.points import VisibilityTest
-from validate.acquire import Acquired
+from validate.acquire.acquire import Acquired
 from validate.bank.design import ViewBank
 from validate.bank.measured import BankData, residual_moments
 from validate.bank.predicted import Contender, GivenCovariance, GivenVisibility

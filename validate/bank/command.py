@@ -18,7 +18,10 @@ from pss.noise import Calibration
 from render import backend
 from scenes import Scene, load_scene
 from scenes.steps.sweep_file import SWEEPS
-from validate.acquire import Acquired
+from validate.acquire.acquire import Acquired
+from validate.acquire.forecast import announce
+from validate.acquire.messages import RunMessages
+from validate.acquire.options import HERE, Scale
 from validate.bank.ceilings import oracle_rows, parts_rows
 from validate.bank.design import BankDesign, ViewBank, detection_views, held_out_views, training_views
 from validate.bank.detected import detection_rows, reliability_rows
@@ -44,17 +47,14 @@ from validate.bank.study import (
     visibilities,
 )
 from validate.bank.verdict import leaderboard
-from validate.dry_run import announce
 from validate.findings.bank import bank_findings
 from validate.process_levels import Level
 from validate.run import check_folders
-from validate.run_messages import RunMessages
 from validate.runs.console import Console
 from validate.runs.csv_rows import read_tables
 from validate.runs.exit_codes import EXIT_DONE, EXIT_FAILED
 from validate.runs.program import program_name
 from validate.runs.progress import clock
-from validate.scale.options import HERE, Scale
 from validate.store.folder import write_text
 from validate.store.remote import open_store
 from validate.tables import write_csv

@@ -20,7 +20,7 @@ from pss.cameras.camera import MAX_ABS_TILT_DEG
 from render.lens.sampling import Sampling
 from render.renderer import random_stream
 from scenes import Scene
-from validate.acquire import Acquired, Acquisition, views_of
+from validate.acquire.acquire import Acquired, Acquisition, views_of
 from validate.bank.phase import joined, turned
 from validate.markers.view_measurement import ViewMeasurement
 from validate.points.measured_errors import FEWEST_TRIALS

@@ -12,7 +12,7 @@ from pss import DetectionModel
 from pss.cameras.views import Views
 from pss.visibility.points import VisibilityTest, visible_in
 from pss.visibility.targets import TARGET_VISIBILITY
-from validate.acquire import Acquired
+from validate.acquire.acquire import Acquired
 from validate.bank.design import ViewBank
 from validate.bank.measured import BankData
 from validate.bank.study import appearance_of

@@ -14,7 +14,7 @@ from render.lens.sampling import Sampling
 from render.renderer import ViewRequest
 from scenes import Scene, load_scene
 from scenes.steps.sweep_file import SWEEPS
-from validate.acquire import Acquired, Acquisition
+from validate.acquire.acquire import Acquired, Acquisition
 from validate.points.configuration import triangulated_errors
 
 __all__ = [

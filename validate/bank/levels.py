@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pss import NoiseModel
 from pss.cameras.views import Views
-from validate.acquire import Acquired
+from validate.acquire.acquire import Acquired
 from validate.bank.design import ViewBank
 from validate.bank.filtered import Filtered
 from validate.bank.measured import BankData, residual_moments

@@ -16,7 +16,9 @@ from render import backend
 from render.renderer import random_stream
 from scenes import Scene, load_scene
 from scenes.steps.sweep_file import SWEEPS
-from validate.acquire import Acquired
+from validate.acquire.acquire import Acquired
+from validate.acquire.messages import RunMessages
+from validate.acquire.options import HERE, Scale
 from validate.bank.design import BankDesign, ViewBank, draw_configurations, held_out_views, training_views
 from validate.bank.miscalibrated_figure import draw
 from validate.bank.miscalibrated_prediction import Predictions
@@ -24,11 +26,9 @@ from validate.bank.miscalibrated_study import IN_WEIGHTS, OWN, study
 from validate.bank.prepare import acquire_banks, calibrate, enough
 from validate.bank.study import appearance_of, data_of, noise_models, visibilities
 from validate.run import check_folders
-from validate.run_messages import RunMessages
 from validate.runs.console import Console
 from validate.runs.exit_codes import EXIT_DONE, EXIT_FAILED
 from validate.runs.program import program_name
-from validate.scale.options import HERE, Scale
 from validate.store.remote import open_store
 from validate.tables import write_csv
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 from pss.noise import Calibration
 from render.backend import Backend
-from validate.acquire import Acquired, acquire
+from validate.acquire.acquire import Acquired, acquire
+from validate.acquire.messages import RunMessages
+from validate.acquire.options import HERE, Scale
 from validate.bank.design import BankDesign, ViewBank
 from validate.bank.study import calibrated, data_of, detection_of, limits_of, scales_of
-from validate.run_messages import RunMessages
-from validate.scale.options import HERE, Scale
 from validate.store.folder import Store, write_text
 from validate.view_names import view_names
 

@@ -17,7 +17,7 @@ from pss.processes.steady_state import of_state
 from pss.riccati.axes import axis_blocks, position_variance
 from pss.riccati.solve import posterior_covariance, steady_state_covariance_from_information
 from render.renderer import random_stream
-from validate.acquire import Acquired
+from validate.acquire.acquire import Acquired
 from validate.bank.design import ViewBank, draw_configurations
 from validate.bank.filtered import Filtered
 from validate.bank.predicted import Contender, Predicted

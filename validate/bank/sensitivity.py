@@ -14,7 +14,7 @@ import numpy as np
 from pss import NoiseModel, noise_model
 from pss.visibility.points import VisibilityTest
 from scenes import Scene
-from validate.acquire import Acquired
+from validate.acquire.acquire import Acquired
 from validate.bank.design import ViewBank
 from validate.bank.measured import BankData
 from validate.bank.predicted import Contender

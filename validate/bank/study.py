@@ -16,7 +16,7 @@ from pss.visibility.points import VISIBILITY_TESTS, VisibilityTest
 from pss.visibility.targets import TARGET_VISIBILITY, within_limits
 from render.renderer import random_stream, state_key
 from scenes import Scene, SceneError
-from validate.acquire import Acquired
+from validate.acquire.acquire import Acquired
 from validate.bank.design import ViewBank, draw_configurations
 from validate.bank.measured import BankData, measure_all
 from validate.bank.predicted import Contender, Predicted, PredictionTask, predict_all

@@ -16,10 +16,13 @@ from pss.noise import Calibration
 from render import backend
 from scenes import load_scene
 from scenes.steps.schedule_file import load_schedule
-from validate.acquire import Acquired, acquire, with_whole_views
+from validate.acquire.acquire import Acquired, acquire, with_whole_views
+from validate.acquire.forecast import announce
+from validate.acquire.messages import RunMessages
+from validate.acquire.options import HERE, Scale
+from validate.acquire.quality_warnings import warn_of_darkness, warn_of_render_noise, warn_of_saturation
 from validate.bank.study import FREE_MODELS, check_models, judged, scene_contenders
 from validate.compare import correlation_rows
-from validate.dry_run import announce
 from validate.hallway.agreement import ALL_RUNS, agreement_rows
 from validate.hallway.claims import claim_rows
 from validate.hallway.own_cameras import own_cameras
@@ -37,18 +40,15 @@ from validate.hallway.study import FULL_MODEL, MODELS, Design, assess_held, desi
 from validate.hallway.training import calibrate_hallway, training_views
 from validate.hallway.wanted import Wanted
 from validate.run import check_folders, linked_views
-from validate.run_messages import RunMessages
 from validate.runs.console import Console
 from validate.runs.exit_codes import EXIT_DONE, EXIT_FAILED
 from validate.runs.program import program_name
 from validate.runs.progress import clock
 from validate.runs.versions import versions
-from validate.scale.options import HERE, Scale
 from validate.store.folder import Store, atomic_path, write_text
 from validate.store.remote import open_store
 from validate.tables import detection_rows, timing_rows, view_rows, write_csv
 from validate.view_names import view_names
-from validate.warnings_of_views import warn_of_darkness, warn_of_render_noise, warn_of_saturation
 
 __all__ = ["main", "run"]
 

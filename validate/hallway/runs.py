@@ -10,7 +10,7 @@ from pss.cameras.motor_limits import PTZLimits
 from render.lens.sampling import Sampling
 from scenes import Scene
 from scenes.steps.schedule_file import MotorsSpec, ScheduleFile, TrackingSpec
-from validate.acquire import Acquisition, views_of
+from validate.acquire.acquire import Acquisition, views_of
 from validate.hallway.stage import Stage
 from validate.hallway.state import Plan
 from validate.hallway.steering import Steered, steer

@@ -17,7 +17,7 @@ from pss.noise import Calibration
 from render.renderer import random_stream, state_key
 from scenes import Scene
 from scenes.steps.schedule_file import ScheduleFile
-from validate.acquire import Acquired, Acquisition
+from validate.acquire.acquire import Acquired, Acquisition
 from validate.bank.predicted import Contender
 from validate.bank.study import CALIBRATED_LIMITS, FULL_MODEL, PHYSICAL_WHOLE, SCALED, scene_contenders
 from validate.hallway.process_noise import (

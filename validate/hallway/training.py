@@ -19,7 +19,7 @@ from pss.noise import CALIBRATION_FACTORS, SCALED_MODELS, Calibration
 from render.renderer import random_stream, state_key
 from scenes import Scene
 from scenes.steps.schedule_file import ScheduleFile
-from validate.acquire import Acquired, Acquisition
+from validate.acquire.acquire import Acquired, Acquisition
 from validate.calibrate import (
     PixelMoments,
     factor_covariances,

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass
 
-from validate.acquire import Acquisition
+from validate.acquire.acquire import Acquisition
+from validate.acquire.messages import RunMessages
 from validate.hallway.real_walk import RealWalk
 from validate.hallway.runs import Run
 from validate.hallway.study import Design
 from validate.hallway.training import Training
-from validate.run_messages import RunMessages
 
 __all__ = ["Wanted"]
 

@@ -19,6 +19,7 @@ from render.code_digest import Code, code_of
 from render.keys import content_of, random_stream, view_code
 from render.renderer import Renderer
 from render.sensor import FixedPattern, capture, expected_electrons, fixed_pattern
+from validate.acquire.queue import WorkerQueue
 from validate.markers.view_measurement import APART as MEASURE_APART
 from validate.markers.view_measurement import measure_capture
 from validate.pixel_noise.design import Plan, Shot
@@ -26,7 +27,6 @@ from validate.pixel_noise.laboratory import DICTIONARY, Setup
 from validate.runs.progress import ViewProgress
 from validate.store.arrays import Arrays, check_arrays
 from validate.store.folder import Store
-from validate.worker_queue import WorkerQueue
 
 __all__ = ["APART", "Measured", "measure_all", "pixel_noise_code"]
 
@@ -37,7 +37,7 @@ MOST_WAITING = 8
 APART = MEASURE_APART | {
     "validate.pixel_noise.design": "chooses what is measured, which the names of views hold",
     "validate.runs.progress": "counts for people",
-    "validate.worker_queue": "has calls made in other processes",
+    "validate.acquire.queue": "has calls made in other processes",
 }
 """Modules that the code of these measurements does not count, with the reason."""
 

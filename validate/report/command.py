@@ -19,8 +19,8 @@ from render.lens.sampling import Sampling
 from render.light import lit_scene
 from render.renderer import state_key
 from scenes import load_scene, load_sweep
-from validate.acquire import Acquisition, baked
-from validate.expose import with_exposures
+from validate.acquire.acquire import Acquisition, baked
+from validate.acquire.auto_exposure import with_exposures
 from validate.figures import APART
 from validate.markers.view_measurement import ViewMeasurement
 from validate.points.configuration import predict

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from validate.acquire import Acquisition
+from validate.acquire.acquire import Acquisition
 from validate.markers.view_measurement import ViewMeasurement, load_measurement
 from validate.store.folder import Store, StoreError
 from validate.store.views import certificate_of

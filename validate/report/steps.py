@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pss import Evaluation, PTZCamera
 from render.world.state import SceneState
-from validate.acquire import Acquisition
+from validate.acquire.acquire import Acquisition
 from validate.markers.view_measurement import ViewMeasurement
 from validate.sweep import Plan
 

@@ -14,7 +14,7 @@ from render import backend
 from render.light import lit_scene
 from scenes import load_scene
 from scenes.steps.schedule_file import load_schedule
-from validate.acquire import Acquisition, baked
+from validate.acquire.acquire import Acquisition, baked
 from validate.bank.study import scene_contenders
 from validate.hallway.own_strategy import own_strategy
 from validate.hallway.report.page import html_of_schedule, schedule_section

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pss import Evaluation
-from validate.acquire import Acquisition
+from validate.acquire.acquire import Acquisition
 from validate.hallway.runs import limit_name
 from validate.hallway.stage import BOTH
 from validate.hallway.study import Design

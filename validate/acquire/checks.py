@@ -13,8 +13,8 @@ from pathlib import Path
 
 from render import backend
 from render.code_digest import code_of
+from validate.acquire.dask_workers import ScaleError, Workers
 from validate.runs.versions import versions
-from validate.scale.workers import ScaleError, Workers
 from validate.store.folder import Store, StoreError, write_text
 from validate.store.remote import RemoteStore, open_store
 
@@ -34,7 +34,7 @@ class WorkerReport:
 
 def worker_code() -> str:
     """Digest of the code that workers run."""
-    return code_of("validate.scale.work").digest
+    return code_of("validate.acquire.job").digest
 
 
 def store_name(store: Store) -> str:

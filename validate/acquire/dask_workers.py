@@ -1,8 +1,8 @@
 """Worker processes of Dask, each with one job at a time: started here, or those of a running scheduler.
 
 Dask carries jobs and results, starts local processes, and starts them again when they die. Which worker does what, and
-how often a job is tried, is decided in `validate.scale.make`: a job is sent to one worker by name. (Dask's own count of
-failures, `allowed-failures`, is also raised for jobs that merely waited at the worker that died.)
+how often a job is tried, is decided in `validate.acquire.run_jobs`: a job is sent to one worker by name. (Dask's own
+count of failures, `allowed-failures`, is also raised for jobs that merely waited at the worker that died.)
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from dask.system import CPU_COUNT
 from distributed import CancelledError, Client, Future, KilledWorker, LocalCluster, Nanny, Worker, WorkerPlugin
 
 from pss import PSSError
+from validate.acquire.call import call
+from validate.acquire.job import Job, Made
+from validate.acquire.options import Scale
+from validate.acquire.pool import end_worker
 from validate.runs.interruption import interrupts_held, raise_if_interrupted
-from validate.scale.call import call
-from validate.scale.options import Scale
-from validate.scale.work import Job, Made
-from validate.worker_pool import end_worker
 
 __all__ = ["ScaleError", "WorkerGoneError", "Workers", "workers_of"]
 
@@ -176,7 +176,7 @@ def workers_of(scale: Scale) -> Iterator[Workers]:
     """
     with warnings.catch_warnings():
         # A scene of meshes is large, and goes to each worker once; what differs between versions is asked for in
-        # `validate.scale.checks`, and said in one line.
+        # `validate.acquire.checks`, and said in one line.
         warnings.filterwarnings("ignore", module="distributed")
         with _silent(), _here(scale.workers) if scale.workers else _at(str(scale.cluster)) as workers:
             yield workers

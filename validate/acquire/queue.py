@@ -13,7 +13,7 @@ from concurrent.futures.process import BrokenProcessPool
 from types import TracebackType
 from typing import Any, Generic, TypeVar
 
-from validate.worker_pool import WorkerPool
+from validate.acquire.pool import WorkerPool
 
 __all__ = ["WorkerQueue"]
 

@@ -2,7 +2,7 @@
 
 Seconds and bytes are those of the store's own newest views, light and measurements, as far as their sums tell (those of
 older versions do not); else those of two cores, which the benchmarks state, by the pixels of each view
-(`validate.view_costs`); so is the memory. Whether a file is there is asked of its name, and no image is opened.
+(`validate.acquire.view_costs`); so is the memory. Whether a file is there is asked of its name, and no image is opened.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from pathlib import Path
 from render.backend import Backend
 from render.renderer import light_key
 from scenes import Scene, SweepFile
-from validate.acquire import Acquisition
-from validate.expose import with_exposures
-from validate.run_messages import RunMessages
+from validate.acquire.acquire import Acquisition
+from validate.acquire.auto_exposure import with_exposures
+from validate.acquire.messages import RunMessages
+from validate.acquire.options import HERE, Scale
+from validate.acquire.view_costs import machine_bytes, measure_bytes, measure_seconds, render_bytes, render_seconds
 from validate.runs.progress import EXPECTED_LIGHT_SECONDS, clock
-from validate.scale.options import HERE, Scale
 from validate.store.atomic import free_bytes
 from validate.store.checksums import SUFFIX, FileSum, read_sums
 from validate.store.folder import Store
-from validate.view_costs import machine_bytes, measure_bytes, measure_seconds, render_bytes, render_seconds
 
 __all__ = ["Forecast", "announce", "exposures_assumed", "forecast"]
 

@@ -18,17 +18,17 @@ from render.light import lit_scene
 from render.light.radiosity import solve_light
 from render.renderer import Renderer
 from render.world.state import SceneState
-from validate.acquisition import Acquired, Acquisition, LightError, by_state, said, views_of
+from validate.acquire.options import HERE, Scale
+from validate.acquire.queue import WorkerQueue
+from validate.acquire.request import Acquired, Acquisition, LightError, by_state, said, views_of
 from validate.markers.view_measurement import load_measurement, measure
 from validate.runs.interruption import raise_if_interrupted
 from validate.runs.progress import ViewProgress
-from validate.scale.options import HERE, Scale
 from validate.store.atomic import remove_abandoned
 from validate.store.folder import Store, StoreError
 from validate.store.light import load_light, save_light
 from validate.store.locks import in_turn
 from validate.store.views import DamagedViewError, certificate_of, render_seconds_of, save_view
-from validate.worker_queue import WorkerQueue
 
 __all__ = ["Acquired", "Acquisition", "LightError", "acquire", "baked", "views_of", "with_whole_views"]
 
@@ -69,7 +69,7 @@ def acquire(
             _make(todo, store, chosen, progress, acquired)
         elif todo:
             # Imported late: Dask comes with an extra, and takes a second.
-            from validate.scale.make import make_on_workers
+            from validate.acquire.run_jobs import make_on_workers
 
             make_on_workers(todo, store, chosen, progress, acquired, scale)
     for item in todo:

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 
 from render.backend import Backend
 from render.renderer import light_key, state_key
-from validate.acquisition import Acquired, Acquisition, by_state, said
+from validate.acquire.checks import check_workers, store_name
+from validate.acquire.dask_workers import WorkerGoneError, Workers, workers_of
+from validate.acquire.handout import MOST_DEATHS, Handout
+from validate.acquire.job import Job, Made, Measuring, Place
+from validate.acquire.options import Scale
+from validate.acquire.request import Acquired, Acquisition, by_state, said
 from validate.runs.interruption import raise_if_interrupted
 from validate.runs.progress import ViewProgress
-from validate.scale.checks import check_workers, store_name
-from validate.scale.handout import MOST_DEATHS, Handout
-from validate.scale.options import Scale
-from validate.scale.work import Job, Made, Measuring, Place
-from validate.scale.workers import WorkerGoneError, Workers, workers_of
 from validate.store.folder import Store, StoreError
 
 __all__ = ["hand_out", "jobs_of", "make_on_workers"]

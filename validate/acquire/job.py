@@ -19,8 +19,8 @@ from render import backend
 from render.lens.sampling import Sampling
 from render.renderer import Certificate, Renderer, ViewRequest, state_key
 from render.world.state import SceneState
-from validate.acquire import baked
-from validate.acquisition import Acquisition, LightError, said
+from validate.acquire.acquire import baked
+from validate.acquire.request import Acquisition, LightError, said
 from validate.markers.view_measurement import load_measurement, measure
 from validate.store.folder import Store, StoreError
 from validate.store.remote import open_store

@@ -7,13 +7,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from validate.scale.work import Made
+    from validate.acquire.job import Made
 
 __all__ = ["call"]
 
 
 def call(job: bytes, state: bytes | None) -> Made:
-    """Do a job (`validate.scale.work.work`)."""
-    from validate.scale.work import work
+    """Do a job (`validate.acquire.job.work`)."""
+    from validate.acquire.job import work
 
     return work(job, state)

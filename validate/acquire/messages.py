@@ -10,7 +10,7 @@ from pathlib import Path
 from types import TracebackType
 
 from pss import PSSError
-from validate.acquire import Acquired
+from validate.acquire.acquire import Acquired
 from validate.runs.console import Console
 from validate.runs.events import EventFile
 from validate.runs.exit_codes import EXIT_BROKEN, EXIT_CLOSED_PIPE, EXIT_INTERRUPTED, EXIT_MISTAKE

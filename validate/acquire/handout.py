@@ -8,12 +8,12 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Callable, Iterable
 
-from validate.scale.work import Job
+from validate.acquire.job import Job
 
 __all__ = ["MOST_DEATHS", "Handout"]
 
 # Workers that may die of a job before it has failed: memory may have been short for a moment, and of a worker that dies
-# while it starts, its job knows nothing. As many as a call has in `validate.worker_queue`.
+# while it starts, its job knows nothing. As many as a call has in `validate.acquire.queue`.
 MOST_DEATHS = 3
 
 
