@@ -24,9 +24,9 @@ from render.light.estimated_light import estimated_appearance
 from render.world.state import Marker
 from scenes import Scene, load_scene
 from validate.bank.design import BankDesign, held_out_views
-from validate.check.foreseen import LARGEST_BLUR_MODULES, SMALLEST_MODULE_PX
 from validate.exact_drawing import draw_exactly
 from validate.markers.localise import Localised, register
+from validate.prediction.foresight import LARGEST_BLUR_MODULES, SMALLEST_MODULE_PX
 
 ROOM = Path(__file__).parents[1] / "scenes" / "room.toml"
 # Radiance of the lamps, W/(m² sr): the room's own is 0.2.

@@ -11,7 +11,7 @@ import pss
 from pss import ImageSensor, NoiseModel, PTZCamera, RangeError, noise_model
 from pss.cameras.views import Views
 from pss.noise import CALIBRATION_FACTORS, Calibration, calibration_factor
-from validate.calibrate import (
+from validate.prediction.weights import (
     BLUNDER_RATIO,
     FEWEST_DETECTIONS,
     PixelMoments,

@@ -11,7 +11,7 @@ from pss import Appearance, PTZCamera, RangeError
 from pss.cameras.views import Views
 from pss.visibility.points import visible_in
 from pss.visibility.targets import TARGET_VISIBILITY, Legible
-from validate.calibrate_limits import fit_limits
+from validate.prediction.limits import fit_limits
 
 TRIALS = 20
 # Trials in which a marker is missed within the limits, and found beyond them.

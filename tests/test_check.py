@@ -23,11 +23,11 @@ from render.light.estimated_light import estimated_irradiance
 from render.light.radiosity import solve_radiosity
 from render.world.state import Light, Panel
 from scenes import load_scene
-from validate.check import foreseen as module
 from validate.check.command import main, run
-from validate.check.foreseen import camera_rows, foresee, headline, marker_rows, model_rows
 from validate.check.plan import plan_figure
-from validate.check.warnings import warnings_of
+from validate.prediction import foresight as module
+from validate.prediction.foresight import camera_rows, foresee, headline, marker_rows, model_rows
+from validate.prediction.warnings import warnings_of
 
 ROOT = Path(__file__).parents[1]
 # Of the light on markers: what is sent back is taken to be even, and objects to send nothing. Measured medians:

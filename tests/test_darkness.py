@@ -23,9 +23,9 @@ from tests.test_sweep_run import SCENE, SWEEP
 from validate.acquire.acquire import Acquired, Acquisition
 from validate.acquire.quality_warnings import warn_of_darkness
 from validate.check.command import run as check
-from validate.check.foreseen import camera_rows, foresee
-from validate.check.warnings import warnings_of
 from validate.markers.darkness import light_words
+from validate.prediction.foresight import camera_rows, foresee
+from validate.prediction.warnings import warnings_of
 from validate.report.data import read_sweeps
 from validate.report.verdict import remarks
 from validate.tables import detection_rows

@@ -14,10 +14,10 @@ from matplotlib.text import Annotation, Text
 from scenes import load_scene
 from tests.layout_of_words import assert_words_are_legible, drawable, extents
 from validate.check.camera_table import MOST_BESIDE
-from validate.check.foreseen import foresee
 from validate.check.plan import plan_figure, write_plan
 from validate.glyphs import glyph_runs
 from validate.names_beside import shortened, width_of
+from validate.prediction.foresight import foresee
 
 ROOM = Path(__file__).parents[1] / "scenes" / "room.toml"
 # Letters that many machines have no font for; and a name of them, or of others that any has.

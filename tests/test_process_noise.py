@@ -15,7 +15,7 @@ from validate.bank.measured import BankData, measure_all
 from validate.bank.predicted import Contender, GivenCovariance, PredictionTask, predict_all
 from validate.bank.process_noise import filter_terms, information_of, process_rows, steady_covariances
 from validate.bank.verdict import CountVerdict
-from validate.process_levels import STEPS_M, headline_of, levels_about, nearest
+from validate.prediction.process_levels import STEPS_M, headline_of, levels_about, nearest
 from validate.stats.intervals import weighted_spearman
 
 # Both ways solve Eq. 4, one by the smallest eigenvalue and one by the whole matrix.

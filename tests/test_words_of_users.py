@@ -20,10 +20,10 @@ from tests.test_report import Page
 from tests.test_sweep_run import SCENE, SELECTION, SWEEP
 from validate import figures, summary
 from validate.bank import miscalibrated_figure
-from validate.check.foreseen import foresee
 from validate.check.plan import plan_figure
 from validate.glyphs import glyph_runs
 from validate.pixel_noise import figure as pixel_noise_figure
+from validate.prediction.foresight import foresee
 from validate.run_sweep import main
 from validate.runs.console import Console
 from validate.runs.file_names import FIGURES

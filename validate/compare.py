@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pss import METRICS, Evaluation
 from pss.metric.names import CAMERAS_TO_OBSERVE
-from validate.own_metrics import best_step, own_metrics
+from validate.prediction.own_metrics import best_step, own_metrics
 from validate.replicates import SweepReplicates
 from validate.stats.intervals import interval_with, kendall, oracle_regret, pearson_log, regret, weighted_spearman
 from validate.sweep import SweepResult

@@ -12,8 +12,8 @@ from validate.claims import claim_rows
 from validate.compare import Correlation, headline, own_rows
 from validate.measurement import is_measurement
 from validate.measurement_summary import error_line, error_table, ratio_table
-from validate.own_metrics import own_metrics, own_table
 from validate.points.measured_errors import FEWEST_TRIALS
+from validate.prediction.own_metrics import own_metrics, own_table
 from validate.runs.console import Console
 from validate.slopes import slope_rows
 from validate.stats.intervals import FEWEST_RESAMPLED, oracle_regret

@@ -15,8 +15,8 @@ from render.renderer import random_stream, state_key
 from scenes import Configuration, Scene, SweepFile
 from validate.acquire.acquire import Acquired, Acquisition, views_of
 from validate.markers.view_measurement import ViewMeasurement
-from validate.own_metrics import OwnScores, own_metrics, own_scores
 from validate.points.configuration import Assessment, assess
+from validate.prediction.own_metrics import OwnScores, own_metrics, own_scores
 from validate.replicates import SweepReplicates, sweep_replicates
 from validate.stats.flatness import exchanged_ranges
 

@@ -8,8 +8,8 @@ Of a target that is in view as a whole with nothing before it (`pss.visibility.t
 with the module's narrow side s in px, the blur b in modules (motion included), the contrast over noise q of one capture
 and the angle of incidence α. No coefficient but the constant is negative: what is larger, sharper, clearer or seen less
 aslant is never found less often. Each part but the last levels off: a marker that is large enough gains nothing from
-being larger. The coefficients are fitted to a detector (`validate.calibrate_detection`); the form was chosen by leaving
-out one training camera after the other.
+being larger. The coefficients are fitted to a detector (`validate.prediction.detection`); the form was chosen by
+leaving out one training camera after the other.
 """
 
 from __future__ import annotations

@@ -27,7 +27,6 @@ from validate.bank.design import BankDesign, ViewBank, detection_views, held_out
 from validate.bank.detected import detection_rows, reliability_rows
 from validate.bank.differences import difference_rows
 from validate.bank.filtered import filter_all
-from validate.bank.frozen import FrozenCalibration, leave, provenance_of, read_frozen
 from validate.bank.levels import blunder_row, consistency_rows, pixel_rows
 from validate.bank.prepare import acquire_banks, calibrate, enough
 from validate.bank.process_noise import process_levels, process_rows
@@ -48,7 +47,8 @@ from validate.bank.study import (
 )
 from validate.bank.verdict import leaderboard
 from validate.findings.bank import bank_findings
-from validate.process_levels import Level
+from validate.prediction.frozen import FrozenCalibration, leave, provenance_of, read_frozen
+from validate.prediction.process_levels import Level
 from validate.run import check_folders
 from validate.runs.console import Console
 from validate.runs.csv_rows import read_tables

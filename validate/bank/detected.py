@@ -16,7 +16,7 @@ from validate.acquire.acquire import Acquired
 from validate.bank.design import ViewBank
 from validate.bank.measured import BankData
 from validate.bank.study import appearance_of
-from validate.calibrate_detection import log_loss
+from validate.prediction.detection import log_loss
 from validate.stats.consistency import crossed_mean
 from validate.stats.ranking import Resamples
 from validate.stats.shares import share_interval

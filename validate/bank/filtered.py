@@ -23,7 +23,7 @@ from validate.bank.workers import workers_context
 from validate.points.filter_moments import steady_moments
 from validate.points.measured_errors import measured_inverse_sigma
 from validate.points.static_filter import track
-from validate.process_levels import Level, headline_of
+from validate.prediction.process_levels import Level, headline_of
 
 __all__ = ["Filtered", "filter_all"]
 

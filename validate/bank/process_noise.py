@@ -23,7 +23,7 @@ from validate.bank.filtered import Filtered
 from validate.bank.predicted import Contender, Predicted
 from validate.bank.study import appearance_of, predictions
 from validate.bank.verdict import CountVerdict
-from validate.process_levels import Level, levels_about
+from validate.prediction.process_levels import Level, levels_about
 from validate.stats.ranking import Ranked, with_interval
 
 __all__ = ["filter_terms", "information_of", "process_levels", "process_rows", "steady_covariances"]

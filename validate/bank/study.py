@@ -21,7 +21,9 @@ from validate.bank.design import ViewBank, draw_configurations
 from validate.bank.measured import BankData, measure_all
 from validate.bank.predicted import Contender, Predicted, PredictionTask, predict_all
 from validate.bank.verdict import CountVerdict
-from validate.calibrate import (
+from validate.prediction.detection import DetectionTrials, FittedDetection, detection_trials, fit_detection
+from validate.prediction.limits import FittedLimits, fit_limits
+from validate.prediction.weights import (
     Fitted,
     factor_covariances,
     fit_best_form,
@@ -29,8 +31,6 @@ from validate.calibrate import (
     model_covariance,
     pixel_moments,
 )
-from validate.calibrate_detection import DetectionTrials, FittedDetection, detection_trials, fit_detection
-from validate.calibrate_limits import FittedLimits, fit_limits
 from validate.scales import scaled
 
 __all__ = [

@@ -15,10 +15,10 @@ from rich.table import Table
 from pss import RangeError
 from scenes import load_scene
 from scenes.reading.document import named_file, read_toml
-from validate.check.foreseen import Foreseen, camera_rows, foresee, headline, marker_rows, model_rows
-from validate.check.warnings import warnings_of
 from validate.markers.darkness import light_words
-from validate.own_metrics import OWN_COLUMN, own_metrics
+from validate.prediction.foresight import Foreseen, camera_rows, foresee, headline, marker_rows, model_rows
+from validate.prediction.own_metrics import OWN_COLUMN, own_metrics
+from validate.prediction.warnings import warnings_of
 from validate.runs.console import Console
 from validate.runs.program import program_name
 from validate.runs.table_text import table_text

@@ -2,9 +2,9 @@
 
 At the schedule's own process the position gathers 1 mm between two frames, twenty times what a frame errs by: σ∞ is
 that step wherever a marker is found at all, and PSS of the filter counts markers. So the filter is judged at other
-accelerations too, by the levels and the rule of `validate.process_levels`: the headline is where the variance q = q̃ Δt³
-that a marker gathers between two frames is the variance c of a single frame, by what the physical R predicts for the
-training views. The same q is had by a calmer walk or by more frames in a second.
+accelerations too, by the levels and the rule of `validate.prediction.process_levels`: the headline is where the
+variance q = q̃ Δt³ that a marker gathers between two frames is the variance c of a single frame, by what the physical R
+predicts for the training views. The same q is had by a calmer walk or by more frames in a second.
 
 What is measured is a linearised simulation that rendered residuals drive, solved for its second moments
 (`validate.points.filter_moments`). What is predicted needs the same information of the same markers: nothing is looked
@@ -30,7 +30,7 @@ from validate.points.filter_moments import steady_moments
 from validate.points.measured_errors import measured_inverse_sigma
 from validate.points.static_filter import trial_terms
 from validate.points.triangulate import detection_weights
-from validate.process_levels import Level, levels_about
+from validate.prediction.process_levels import Level, levels_about
 
 __all__ = [
     "RULED_BY",

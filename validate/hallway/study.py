@@ -35,7 +35,7 @@ from validate.points.configuration import Assessment, Measured, measure_configur
 from validate.points.measured_errors import MeasuredErrors
 from validate.points.static_filter import Tracked
 from validate.points.triangulate import Triangulated
-from validate.process_levels import Level
+from validate.prediction.process_levels import Level
 from validate.tables import pooled
 
 __all__ = ["MODELS", "Design", "Held", "HeldStep", "assess_held", "design_of", "predicted_at", "training_levels"]

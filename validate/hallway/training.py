@@ -20,7 +20,11 @@ from render.renderer import random_stream, state_key
 from scenes import Scene
 from scenes.steps.schedule_file import ScheduleFile
 from validate.acquire.acquire import Acquired, Acquisition
-from validate.calibrate import (
+from validate.hallway.runs import step_views
+from validate.hallway.stage import Stage
+from validate.prediction.detection import DetectionTrials, detection_trials, fit_detection
+from validate.prediction.limits import limits_of_targets, whole_targets
+from validate.prediction.weights import (
     PixelMoments,
     factor_covariances,
     fit_best_form,
@@ -28,10 +32,6 @@ from validate.calibrate import (
     model_covariance,
     pixel_moments,
 )
-from validate.calibrate_detection import DetectionTrials, detection_trials, fit_detection
-from validate.calibrate_limits import limits_of_targets, whole_targets
-from validate.hallway.runs import step_views
-from validate.hallway.stage import Stage
 
 __all__ = ["Training", "calibrate_hallway", "training_views"]
 

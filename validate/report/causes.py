@@ -11,7 +11,7 @@ from pss import PTZCamera
 from pss.surrogates import any_blocks
 from render.world.marker_print import pattern
 from render.world.state import Marker, SceneState
-from validate.check.foreseen import LARGEST_BLUR_MODULES, SMALLEST_MODULE_PX
+from validate.prediction.foresight import LARGEST_BLUR_MODULES, SMALLEST_MODULE_PX
 
 __all__ = ["CAUSES", "causes", "in_words"]
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from validate.own_metrics import OWN_COLUMN
+from validate.prediction.own_metrics import OWN_COLUMN
 from validate.report.columns import Columns, check_counts, is_number, whole_number
 from validate.runs.csv_file import number_in, read_csv
 from validate.runs.csv_rows import Row, all_of

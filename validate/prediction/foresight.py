@@ -23,8 +23,8 @@ from render.light.estimated_light import estimated_appearance
 from render.light.exposure import choose_exposure
 from scenes import Scene
 from validate.markers.darkness import white_irradiance
-from validate.own_metrics import OwnScores, own_scores
 from validate.points.configuration import predict
+from validate.prediction.own_metrics import OwnScores, own_scores
 from validate.runs.table_text import written
 
 __all__ = [

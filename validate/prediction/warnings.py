@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss.visibility.targets import LEAST_CONTRAST_OVER_NOISE
-from validate.check.foreseen import ENOUGH, LARGEST_BLUR_MODULES, SMALLEST_MODULE_PX, Foreseen
 from validate.markers.darkness import dark_words, light_words
-from validate.own_metrics import failures_of
+from validate.prediction.foresight import ENOUGH, LARGEST_BLUR_MODULES, SMALLEST_MODULE_PX, Foreseen
+from validate.prediction.own_metrics import failures_of
 
 __all__ = ["warnings_of"]
 

@@ -1,0 +1,1 @@
+"""What the metric predicts of a scene, and the calibrations that it predicts with."""
