@@ -37,7 +37,7 @@ from validate.report.frusta import frustum
 from validate.runs.progress import ViewProgress
 from validate.store.folder import atomic_path
 from validate.store.remote import open_store
-from validate.sweep import SweepResult, assess_sweep, plan
+from validate.sweeps.sweep import SweepResult, assess_sweep, plan
 
 Floats = NDArray[np.float64]
 

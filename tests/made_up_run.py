@@ -10,13 +10,14 @@ import numpy as np
 from render.lens.sampling import Sampling
 from render.renderer import Certificate, RenderedView
 from scenes import load_scene, load_sweep
-from validate import claims, compare, measurement, tables, trends
 from validate.acquire.acquire import Acquired, Acquisition
 from validate.markers.view_measurement import ViewMeasurement
 from validate.report.command import of_results, write_report
 from validate.store.folder import Store
 from validate.store.views import save_view
-from validate.sweep import SweepResult, assess_sweep, plan
+from validate.sweeps import claims, correlation, optima, single_step
+from validate.sweeps import rows as tables
+from validate.sweeps.sweep import SweepResult, assess_sweep, plan
 
 __all__ = ["CERTIFICATE", "PIXEL_NOISE_PX", "RENDERER", "made_up_run", "made_up_view"]
 
@@ -49,10 +50,10 @@ def made_up_run(folder: Path, scene: str, sweeps: dict[str, str]) -> tuple[list[
         ("points", [row for r in results for row in tables.point_rows(r)]),
         ("views", tables.view_rows(results, acquired)),
         ("detection", tables.detection_rows(results)),
-        ("correlation", [row for r in results for row in compare.correlation_rows(r)]),
+        ("correlation", [row for r in results for row in correlation.correlation_rows(r)]),
         ("claims", [row for r in results for row in claims.claim_rows(r)]),
-        ("measurement", [row for r in results for row in measurement.measurement_rows(r)]),
-        ("optima", [row for r in results for row in trends.optimum_rows(r)]),
+        ("measurement", [row for r in results for row in single_step.measurement_rows(r)]),
+        ("optima", [row for r in results for row in optima.optimum_rows(r)]),
     ):
         tables.write_csv(out / f"{name}.csv", rows)
     write_report(out, of_results(results, acquired.measured), store)

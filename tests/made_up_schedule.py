@@ -13,7 +13,6 @@ from scenes import load_scene
 from scenes.steps.schedule_file import load_schedule
 from tests.made_up_run import CERTIFICATE, made_up_view
 from tests.test_hallway_study import acquired_of, levels_at
-from validate.compare import correlation_rows
 from validate.hallway.agreement import agreement_rows
 from validate.hallway.claims import claim_rows
 from validate.hallway.process_rows import process_rows
@@ -27,7 +26,8 @@ from validate.hallway.steering import Steered
 from validate.hallway.study import assess_held, design_of
 from validate.store.folder import Store
 from validate.store.views import save_view
-from validate.tables import detection_rows, view_rows, write_csv
+from validate.sweeps.correlation import correlation_rows
+from validate.sweeps.rows import detection_rows, view_rows, write_csv
 
 __all__ = ["STEPS", "made_up_schedule"]
 

@@ -84,7 +84,7 @@ def test_shifted_detections_are_other_measurements(tmp_path):
         ("render/world/traced_meshes.py", False, True),
         ("pss/cameras/camera.py", True, True),
         # What shows results, or only predicts, invalidates nothing.
-        ("validate/tables.py", False, False),
+        ("validate/sweeps/rows.py", False, False),
         ("validate/report/page.py", False, False),
         ("validate/store/folder.py", False, False),
         ("validate/acquire/pool.py", False, False),
@@ -143,7 +143,7 @@ def test_what_is_imported_for_type_checking_is_not_reached(tmp_path):
     root = changed(
         tmp_path,
         "validate/markers/localise.py",
-        lambda text: text + "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import validate.tables\n",
+        lambda text: text + "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import validate.sweeps.rows\n",
     )
     modules = code_of("validate.markers.view_measurement", apart=tuple(MEASURE_APART), root=root).modules
     assert modules == measure_code().modules
@@ -232,16 +232,19 @@ def test_measurements_hang_on_nothing_that_shows_or_keeps_them():
         "validate.markers.marker_image",
         "validate.markers.view_measurement",
     } <= own
-    assert not own & {"validate.store.folder", "validate.tables", "validate.run", "validate.runs.progress"}
+    assert not own & {"validate.store.folder", "validate.sweeps.rows", "validate.run", "validate.runs.progress"}
 
 
 def test_figures_and_reports_hang_on_all_that_draws_them():
     """Helpers of other folders too; not on what renders, measures or keeps views."""
     figures = code_of("validate.figures", apart=FIGURES_APART)
     report = code_of("validate.report.page", apart=FIGURES_APART)
-    assert {"validate.illustration", "validate.runs.table_text", "validate.slopes", "validate.stats.stars"} <= set(
-        figures.modules
-    )
+    assert {
+        "validate.illustration",
+        "validate.runs.table_text",
+        "validate.sweeps.slopes",
+        "validate.stats.stars",
+    } <= set(figures.modules)
     assert {"validate.report.curves", "validate.runs.csv_rows", "validate.runs.csv_file"} <= set(report.modules)
     assert {"matplotlib", "numpy"} <= {name for name, _ in figures.libraries}
     assert {"plotly", "jinja2"} <= {name for name, _ in report.libraries}

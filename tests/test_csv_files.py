@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 import validate
 from validate.runs.csv_file import csv_text, read_csv, read_head
 from validate.runs.table_text import table_text
-from validate.tables import write_csv
+from validate.sweeps.rows import write_csv
 
 # OWASP, "CSV Injection": a cell that begins with one of these is computed.
 COMPUTED = ("=", "+", "-", "@", "\t", "\r", "\n", "＝", "＋", "－", "＠")

@@ -28,8 +28,8 @@ from validate.prediction.foresight import camera_rows, foresee
 from validate.prediction.warnings import warnings_of
 from validate.report.data import read_sweeps
 from validate.report.verdict import remarks
-from validate.tables import detection_rows
-from validate.view_names import view_names
+from validate.sweeps.rows import detection_rows
+from validate.sweeps.view_names import view_names
 
 ROOT = Path(__file__).parents[1]
 # nm, ∫V(λ) dλ as the CIE has it; the table is summed by logarithms between its values.

@@ -27,9 +27,10 @@ from pss.metric.names import OF_THE_PAPER
 from pss.metric.table import MetricTable
 from scenes import load_scene, load_sweep
 from tests.documents import BLOCKS, DOCS, PAGES, ROOT, shell_lines, toml_file
-from validate import compare, run_sweep
+from validate import run_sweep
 from validate.bank import study
 from validate.command_line import COMMANDS
+from validate.sweeps import correlation
 
 # Pages whose Python needs what another test gives it.
 RUN_ELSEWHERE = {
@@ -137,8 +138,8 @@ def test_the_bank_asks_metrics_of_ones_own(own_metrics, monkeypatch):
     monkeypatch.setattr(study, "METRICS", own_metrics)
     assert {(study.CALIBRATED_LIMITS, name) for name in own_metrics} <= set(study.asked_pairs([]))
     assert "share-within-5-mm" in own_metrics
-    assert len(compare.COMPARED) == 4
-    assert "pss" in compare.COMPARED
+    assert len(correlation.COMPARED) == 4
+    assert "pss" in correlation.COMPARED
 
 
 def test_python_that_runs_elsewhere_does():

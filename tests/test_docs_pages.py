@@ -136,7 +136,7 @@ def test_the_tables_that_the_report_names_have_those_columns():
     assert set(named) == {"points", "configurations"}
     head = (ROOT / "results/reference/configurations.csv").read_text(encoding="utf-8").splitlines()[0].split(",")
     assert set(re.findall(r"`(\w+)`", named["configurations"])) <= set(head)
-    writer = (ROOT / "validate/tables.py").read_text(encoding="utf-8")  # no table of points is kept
+    writer = (ROOT / "validate/sweeps/rows.py").read_text(encoding="utf-8")  # no table of points is kept
     assert not [name for name in re.findall(r"`(\w+)`", named["points"]) if f'"{name}":' not in writer]
 
 

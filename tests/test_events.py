@@ -19,7 +19,7 @@ from validate.acquire.messages import RunMessages
 from validate.runs.events import EVENTS, EventFile
 from validate.runs.exit_codes import EXIT_BROKEN, EXIT_DONE, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_MISTAKE
 from validate.store.folder import Store, StoreError
-from validate.view_names import view_names
+from validate.sweeps.view_names import view_names
 
 # ms, between the clock that is written and the one that is read: both are of this machine.
 CLOCK_MS = 60_000

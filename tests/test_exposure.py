@@ -18,7 +18,7 @@ from render.sensor import expected_electrons
 from scenes import load_scene, load_sweep
 from validate.acquire.auto_exposure import with_exposures
 from validate.store.folder import Store
-from validate.sweep import plan
+from validate.sweeps.sweep import plan
 
 FOLDER = Path(scenes.schema.scene_tables.__file__).parent
 ROOM = (FOLDER / "room.toml").read_text()

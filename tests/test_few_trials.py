@@ -15,14 +15,14 @@ from tests.made_up_run import made_up_run
 from tests.test_sweep_run import SCENE, SWEEP
 from validate.acquire.messages import RunMessages
 from validate.bank.design import BankDesign
-from validate.compare import correlation_rows
 from validate.figures import draw_curves
 from validate.report.data import read_sweeps
 from validate.report.verdict import in_words
 from validate.run import Options, execute
 from validate.runs.console import Console
-from validate.summary import show
-from validate.tables import configuration_rows
+from validate.sweeps.correlation import correlation_rows
+from validate.sweeps.rows import configuration_rows
+from validate.sweeps.summary import show
 
 # Measured PSS of two trials over that of many: they fall short by the points' own spread and by what the docstring of
 # `inverse_sigma_bias` states. Without its factor of √π for two trials they would exceed it.

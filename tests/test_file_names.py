@@ -25,7 +25,7 @@ from validate.runs.file_names import (
 )
 from validate.side_by_side.page import html_of
 from validate.side_by_side.runs import sides_of
-from validate.tables import write_csv
+from validate.sweeps.rows import write_csv
 
 ROOT = Path(__file__).parents[1]
 

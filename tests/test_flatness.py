@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from validate.points.measured_errors import MeasuredErrors
-from validate.replicates import sweep_replicates
 from validate.stats.flatness import exchanged_ranges, is_flat, least_difference, spread_of_points
+from validate.sweeps.replicates import sweep_replicates
 
 WORLDS, EXCHANGES = 160, 19
 # Of 160 worlds at 0.95 the share has a standard error of 0.017; two and a half of them.

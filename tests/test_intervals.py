@@ -8,7 +8,6 @@ import scipy.stats
 
 from pss.errors import RangeError, ShapeError
 from validate.points.measured_errors import MeasuredErrors
-from validate.replicates import _largest_eigenvalue, sweep_replicates
 from validate.stats.intervals import (
     interval,
     interval_with,
@@ -20,6 +19,7 @@ from validate.stats.intervals import (
     tie_groups,
     weighted_spearman,
 )
+from validate.sweeps.replicates import _largest_eigenvalue, sweep_replicates
 
 # Sums of some hundred terms, in another order.
 SAME_TO_ROUNDING = 1e-12

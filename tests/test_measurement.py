@@ -21,7 +21,6 @@ from tests.predicted_result import predicted_result
 from tests.test_report import Page
 from tests.test_sweep_run import SCENE, SELECTION, SWEEP
 from validate import measure_command
-from validate.measurement import is_measurement, measurement_rows
 from validate.measurement_figure import draw_errors, measurement_figure
 from validate.report.command import of_results
 from validate.report.data import read_sweeps
@@ -33,7 +32,8 @@ from validate.run import Options
 from validate.run_sweep import main
 from validate.runs.input_files import load_measurement_of
 from validate.stats.intervals import interval
-from validate.summary import show
+from validate.sweeps.single_step import is_measurement, measurement_rows
+from validate.sweeps.summary import show
 
 # One value, as the user of a setting writes it.
 ONE = SWEEP.replace("values = [1.5, 2.0, 3.0]", "values = [2.0]").replace("trials = 4", "trials = 12")
@@ -95,9 +95,9 @@ def test_ratios_are_those_of_the_tables(made):
 
 def test_nees_of_a_right_covariance_is_one():
     """The made-up pixels with their own covariance, without bias: the interval holds 1 in most of ten worlds."""
-    from validate.measurement import _nees_share
     from validate.points.measured_errors import MeasuredErrors
-    from validate.replicates import sweep_replicates
+    from validate.sweeps.replicates import sweep_replicates
+    from validate.sweeps.single_step import _nees_share
 
     rng, holds = np.random.default_rng(2), 0
     for _ in range(10):

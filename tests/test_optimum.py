@@ -11,14 +11,14 @@ import pytest
 
 from tests import made_up_run as made_up
 from tests.test_sweep_run import SCENE, SWEEP
-from validate.claims import claim_rows
 from validate.figures import draw_curves
 from validate.report.curves import curves_figure
 from validate.report.data import KINDS, read_sweeps
 from validate.report.verdict import in_words, verdicts
 from validate.runs.console import Console
 from validate.stats.optimum import optimum
-from validate.summary import show
+from validate.sweeps.claims import claim_rows
+from validate.sweeps.summary import show
 
 
 def test_the_optimum_is_the_first_of_the_largest_above_zero():

@@ -24,7 +24,7 @@ from validate.prediction.own_metrics import best_step, failures_of
 from validate.prediction.warnings import warnings_of
 from validate.report.data import read_sweeps
 from validate.runs.console import Console
-from validate.summary import show
+from validate.sweeps.summary import show
 
 ROOT = Path(__file__).parents[1]
 # Digits of a table.

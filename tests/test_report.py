@@ -38,7 +38,7 @@ from validate.report.style import PURPLE_ORANGE, model_style, object_styles
 from validate.report.traces import combinations, filled, only_changes, plain
 from validate.report.verdict import in_words, verdicts
 from validate.store.folder import StoreError
-from validate.tables import write_csv
+from validate.sweeps.rows import write_csv
 
 # Numbers of a table have seven digits.
 SAME_DIGITS = 2e-6

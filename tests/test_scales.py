@@ -12,9 +12,9 @@ from pss import Appearance, RandomWalk, evaluate, noise_model
 from pss.visibility.targets import TARGET_VISIBILITY
 from tests.made_up_run import made_up_run
 from tests.test_sweep_run import SCENE, SWEEP
-from validate.compare import correlation_rows
 from validate.points.configuration import predict
-from validate.scales import SCALES, scale_rows, scaled
+from validate.sweeps.correlation import correlation_rows
+from validate.sweeps.scale_of_r import SCALES, scale_rows, scaled
 
 # Two solutions of one equation in other units, and sums in another order.
 ROUNDING = 1e-9

@@ -12,7 +12,7 @@ from pss import evaluate
 from render.lens.sampling import Sampling
 from render.renderer import state_key
 from scenes import SceneError, known_sweeps, load_scene, load_sweep
-from validate.sweep import plan
+from validate.sweeps.sweep import plan
 
 FOLDER = Path(scenes.steps.sweep_file.__file__).parent
 EXPOSURE = (FOLDER / "sweeps" / "exposure.toml").read_text().replace("../bench", f"{FOLDER}/bench")

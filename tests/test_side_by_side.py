@@ -17,7 +17,7 @@ from validate.side_by_side.command import compared, main, summarised
 from validate.side_by_side.rows import QUANTITIES, Quantity, matched_rows, separate
 from validate.side_by_side.runs import settings_rows, sides_of
 from validate.store.folder import StoreError
-from validate.tables import write_csv
+from validate.sweeps.rows import write_csv
 
 REFERENCE = Path(__file__).parents[1] / "results" / "reference"
 PLAIN = Quantity("t", "v", "low", "high", ("sweep", "value"), True)

@@ -33,7 +33,7 @@ from validate.side_by_side.verdict import (
     ranked_findings,
 )
 from validate.store.folder import StoreError
-from validate.tables import write_csv
+from validate.sweeps.rows import write_csv
 
 REFERENCE = Path(__file__).parents[1] / "results" / "reference"
 # Numbers of a figure have four digits, those of made-up tables seven.

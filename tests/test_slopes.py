@@ -7,7 +7,7 @@ import pytest
 
 from pss import ShapeError
 from validate.points.measured_errors import MeasuredErrors
-from validate.slopes import common_points, log_slope, slopes
+from validate.sweeps.slopes import common_points, log_slope, slopes
 
 PARAMETER = np.array([1.0, 1.5, 2.5, 4.0])
 TRIALS, POINTS = 20, 40

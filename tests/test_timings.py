@@ -13,7 +13,7 @@ from validate.acquire.request import Acquired, Acquisition
 from validate.markers.view_measurement import ViewMeasurement
 from validate.store.folder import Store
 from validate.store.views import render_seconds_of, save_view
-from validate.tables import timing_rows
+from validate.sweeps.rows import timing_rows
 
 MEASURED = ViewMeasurement(np.zeros((2, 0, 2)), np.zeros((2, 0, 2, 2)), 0, 0.75)
 

@@ -16,15 +16,15 @@ from rich.console import Console
 from scenes import load_scene, load_sweep
 from tests.made_up_run import made_up_run
 from tests.test_sweep_run import SCENE, SWEEP
-from validate.claims import claim_rows
-from validate.compare import correlation_rows
 from validate.figures import draw_curves
 from validate.report.curves import curves_figure
 from validate.report.data import KINDS, read_sweeps
 from validate.report.verdict import in_words, verdicts
 from validate.stats.flatness import EXCHANGES
-from validate.summary import show
-from validate.trends import Trend
+from validate.sweeps.claims import claim_rows
+from validate.sweeps.correlation import correlation_rows
+from validate.sweeps.optima import Trend
+from validate.sweeps.summary import show
 
 # The made-up detections know nothing of the exposure: measured PSS is flat, and so is that of the paper's R.
 FLAT = """

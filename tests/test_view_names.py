@@ -11,8 +11,8 @@ from scenes import load_scene, load_sweep
 from tests.test_sweep_run import SCENE, SWEEP
 from validate.report.files import stored_measurements
 from validate.store.folder import Store, StoreError
-from validate.sweep import plan
-from validate.view_names import names_in_steps, view_name
+from validate.sweeps.sweep import plan
+from validate.sweeps.view_names import names_in_steps, view_name
 
 HASH = re.compile(r"[0-9a-f]{12}")
 

@@ -18,7 +18,7 @@ from tests.layout_of_words import drawable
 from tests.made_up_run import made_up_run
 from tests.test_report import Page
 from tests.test_sweep_run import SCENE, SELECTION, SWEEP
-from validate import figures, summary
+from validate import figures
 from validate.bank import miscalibrated_figure
 from validate.check.plan import plan_figure
 from validate.glyphs import glyph_runs
@@ -32,6 +32,7 @@ from validate.runs.table_text import table_text
 from validate.side_by_side import command as comparison
 from validate.side_by_side.page import html_of
 from validate.side_by_side.runs import sides_of
+from validate.sweeps import summary
 
 # What Matplotlib, rich, HTML, Jinja, plotly, Python's formats, shells and terminals each read as something else.
 HOSTILE = (

@@ -16,7 +16,7 @@ from validate.glyphs import glyph_runs
 from validate.markers.detect import find_markers
 from validate.store.folder import Store, atomic_path
 from validate.store.views import stored_view
-from validate.sweep import SweepResult
+from validate.sweeps.sweep import SweepResult
 
 __all__ = ["contact_sheet", "displayed"]
 

@@ -21,18 +21,18 @@ from validate.drawing import plt
 from validate.figure_style import MEASURED, MODEL_COLOURS, TITLE_WIDTH, write_round_numbers
 from validate.glyphs import settle_words
 from validate.illustration import colour_scale, draw_configuration, shared_colours
-from validate.measurement import is_measurement
 from validate.measurement_figure import measurement_figure
 from validate.names_beside import shortened, width_of
 from validate.runs.file_names import FIGURES, figure_file
 from validate.runs.table_text import written
-from validate.slopes import Slopes, slopes_of
 from validate.stats.intervals import interval
 from validate.stats.optimum import optimum
 from validate.stats.stars import STEP, star_heights
 from validate.store.folder import Store, atomic_path
-from validate.sweep import SweepResult
-from validate.trends import Trend, trend
+from validate.sweeps.optima import Trend, trend
+from validate.sweeps.single_step import is_measurement
+from validate.sweeps.slopes import Slopes, slopes_of
+from validate.sweeps.sweep import SweepResult
 
 __all__ = [
     "MEASURED",
@@ -77,7 +77,7 @@ APART = (
     "validate.markers.view_measurement",
     "validate.store.folder",
     "validate.store.views",
-    "validate.sweep",
+    "validate.sweeps.sweep",
 )
 # Tables that no figure shows and that differ from run to run.
 NOT_SHOWN = ("timings.csv",)

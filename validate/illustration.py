@@ -20,7 +20,7 @@ from render.world.state import SceneState
 from validate.names_beside import Name, grouped, names_beside
 from validate.projected import CELL_M, Eye, Patches, patches_of, room_edges, wall_patches
 from validate.report.frusta import frustum
-from validate.sweep import SweepResult
+from validate.sweeps.sweep import SweepResult
 
 __all__ = [
     "COLOUR_MAP", "OTHER", "SIGNS", "VARIED", "colour_scale", "draw_configuration", "draw_state",

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from validate.drawing import plt
 from validate.figure_style import MEASURED, MODEL_COLOURS, TITLE_WIDTH, write_round_numbers
 from validate.illustration import COLOUR_MAP, colour_scale, draw_configuration, shared_colours
-from validate.sweep import SweepResult
+from validate.sweeps.sweep import SweepResult
 
 __all__ = ["draw_errors", "measurement_figure"]
 

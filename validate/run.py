@@ -14,7 +14,7 @@ from pss.json_text import json_text
 from render import backend
 from render.lens.sampling import Sampling
 from scenes import Scene, SweepFile, known_sweeps
-from validate import claims, compare, figures, measurement, scales, slopes, summary, tables, trends
+from validate import figures
 from validate.acquire.acquire import Acquired, Acquisition, acquire, with_whole_views
 from validate.acquire.auto_exposure import with_exposures
 from validate.acquire.forecast import announce, exposures_assumed
@@ -33,8 +33,9 @@ from validate.runs.run_file import read_run
 from validate.runs.versions import versions
 from validate.store.folder import Store, StoreError, write_text
 from validate.store.remote import is_address, open_store
-from validate.sweep import Plan, SweepResult, assess_sweep, plan
-from validate.view_names import names_in_steps
+from validate.sweeps import claims, correlation, optima, rows, scale_of_r, single_step, slopes, summary
+from validate.sweeps.sweep import Plan, SweepResult, assess_sweep, plan
+from validate.sweeps.view_names import names_in_steps
 
 __all__ = ["Options", "check_folders", "execute", "linked_views"]
 
@@ -224,17 +225,17 @@ def _write(
 ) -> None:
     """Write the CSV files and point `views/` into the store."""
     whole = [result for result in results if result.assessments]
-    tables.write_csv(folder / "configurations.csv", [r for result in whole for r in tables.configuration_rows(result)])
-    tables.write_csv(folder / "points.csv", [r for result in whole for r in tables.point_rows(result)])
-    tables.write_csv(folder / "views.csv", tables.view_rows(whole, acquired))
-    tables.write_csv(folder / "timings.csv", tables.timing_rows(wanted, acquired))
-    tables.write_csv(folder / "detection.csv", tables.detection_rows(whole))
-    tables.write_csv(folder / "correlation.csv", [r for result in whole for r in compare.correlation_rows(result)])
-    tables.write_csv(folder / "claims.csv", [r for result in whole for r in claims.claim_rows(result)])
-    tables.write_csv(folder / "scale.csv", [r for result in whole for r in scales.scale_rows(result)])
-    tables.write_csv(folder / "optima.csv", [r for result in whole for r in trends.optimum_rows(result)])
-    tables.write_csv(folder / "measurement.csv", [r for result in whole for r in measurement.measurement_rows(result)])
-    tables.write_csv(folder / "slopes.csv", [r for result in whole for r in slopes.slope_rows(result)])
+    rows.write_csv(folder / "configurations.csv", [r for result in whole for r in rows.configuration_rows(result)])
+    rows.write_csv(folder / "points.csv", [r for result in whole for r in rows.point_rows(result)])
+    rows.write_csv(folder / "views.csv", rows.view_rows(whole, acquired))
+    rows.write_csv(folder / "timings.csv", rows.timing_rows(wanted, acquired))
+    rows.write_csv(folder / "detection.csv", rows.detection_rows(whole))
+    rows.write_csv(folder / "correlation.csv", [r for result in whole for r in correlation.correlation_rows(result)])
+    rows.write_csv(folder / "claims.csv", [r for result in whole for r in claims.claim_rows(result)])
+    rows.write_csv(folder / "scale.csv", [r for result in whole for r in scale_of_r.scale_rows(result)])
+    rows.write_csv(folder / "optima.csv", [r for result in whole for r in optima.optimum_rows(result)])
+    rows.write_csv(folder / "measurement.csv", [r for result in whole for r in single_step.measurement_rows(result)])
+    rows.write_csv(folder / "slopes.csv", [r for result in whole for r in slopes.slope_rows(result)])
     linked_views(folder, sorted({item.request.key for item in wanted} - set(acquired.failed)), store)
 
 

@@ -57,7 +57,7 @@ from validate.runs.program import program_name
 from validate.runs.progress import clock
 from validate.store.folder import write_text
 from validate.store.remote import open_store
-from validate.tables import write_csv
+from validate.sweeps.rows import write_csv
 
 __all__ = ["run"]
 

@@ -30,7 +30,7 @@ from validate.runs.console import Console
 from validate.runs.exit_codes import EXIT_DONE, EXIT_FAILED
 from validate.runs.program import program_name
 from validate.store.remote import open_store
-from validate.tables import write_csv
+from validate.sweeps.rows import write_csv
 
 __all__ = ["main", "run", "without_effect"]
 

@@ -13,7 +13,7 @@ from validate.acquire.options import HERE, Scale
 from validate.bank.design import BankDesign, ViewBank
 from validate.bank.study import calibrated, data_of, detection_of, limits_of, scales_of
 from validate.store.folder import Store, write_text
-from validate.view_names import view_names
+from validate.sweeps.view_names import view_names
 
 __all__ = ["acquire_banks", "calibrate", "enough"]
 

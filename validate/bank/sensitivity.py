@@ -20,8 +20,8 @@ from validate.bank.measured import BankData
 from validate.bank.predicted import Contender
 from validate.bank.study import appearance_of, predictions
 from validate.bank.verdict import CountVerdict, single_frame_terms, yardsticks
-from validate.scales import scaled
 from validate.stats.ranking import judge_against, with_interval
+from validate.sweeps.scale_of_r import scaled
 
 __all__ = ["scale_rows", "sensitivity_rows", "variants"]
 

@@ -31,7 +31,7 @@ from validate.prediction.weights import (
     model_covariance,
     pixel_moments,
 )
-from validate.scales import scaled
+from validate.sweeps.scale_of_r import scaled
 
 __all__ = [
     "BASES",

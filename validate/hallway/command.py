@@ -22,7 +22,6 @@ from validate.acquire.messages import RunMessages
 from validate.acquire.options import HERE, Scale
 from validate.acquire.quality_warnings import warn_of_darkness, warn_of_render_noise, warn_of_saturation
 from validate.bank.study import FREE_MODELS, check_models, judged, scene_contenders
-from validate.compare import correlation_rows
 from validate.hallway.agreement import ALL_RUNS, agreement_rows
 from validate.hallway.claims import claim_rows
 from validate.hallway.own_cameras import own_cameras
@@ -47,8 +46,9 @@ from validate.runs.progress import clock
 from validate.runs.versions import versions
 from validate.store.folder import Store, atomic_path, write_text
 from validate.store.remote import open_store
-from validate.tables import detection_rows, timing_rows, view_rows, write_csv
-from validate.view_names import view_names
+from validate.sweeps.correlation import correlation_rows
+from validate.sweeps.rows import detection_rows, timing_rows, view_rows, write_csv
+from validate.sweeps.view_names import view_names
 
 __all__ = ["main", "run"]
 

@@ -16,7 +16,7 @@ from validate.hallway.results import HEADLINE_KIND, KINDS, Curves, ScheduleResul
 from validate.hallway.study import Held, predicted_at
 from validate.points.configuration import measure_configuration
 from validate.points.measured_errors import MeasuredErrors
-from validate.replicates import sweep_replicates
+from validate.sweeps.replicates import sweep_replicates
 
 __all__ = ["OwnCameras", "own_cameras"]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from validate.hallway.results import KINDS, ScheduleResult
 from validate.hallway.runs import limit_name
 from validate.stats.intervals import interval, sample_interval, weighted_spearman
-from validate.tables import THRESHOLDS_MM
+from validate.sweeps.rows import THRESHOLDS_MM
 
 __all__ = ["Yardstick", "ranking_rows", "strategy_rows", "yardsticks"]
 

@@ -17,7 +17,7 @@ from validate.hallway.stage import stance_in
 from validate.hallway.trajectories import Poses, body_poses, torso_pose, torso_reference_m, write_walk
 from validate.store.folder import Store
 from validate.store.views import stored_view
-from validate.tables import write_csv
+from validate.sweeps.rows import write_csv
 
 __all__ = ["film_frames", "torso_trajectories", "write_real_walk"]
 

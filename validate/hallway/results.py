@@ -19,9 +19,9 @@ from scenes import Configuration
 from validate.hallway.process_noise import headline_of_walk, inverse_sigma
 from validate.hallway.study import MODELS, Held
 from validate.points.configuration import Assessment
-from validate.replicates import SweepReplicates, sweep_replicates
 from validate.stats.flatness import EXCHANGES
-from validate.sweep import REPLICATES, Plan, SweepResult
+from validate.sweeps.replicates import SweepReplicates, sweep_replicates
+from validate.sweeps.sweep import REPLICATES, Plan, SweepResult
 
 __all__ = ["HEADLINE_KIND", "KINDS", "Curves", "ScheduleResult", "result_of"]
 

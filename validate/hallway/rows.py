@@ -9,7 +9,7 @@ import numpy as np
 from validate.hallway.results import HEADLINE_KIND, ScheduleResult
 from validate.hallway.runs import limit_name
 from validate.stats.intervals import sample_interval
-from validate.tables import configuration_rows, point_rows
+from validate.sweeps.rows import configuration_rows, point_rows
 
 __all__ = ["held_configuration_rows", "held_point_rows", "run_rows"]
 

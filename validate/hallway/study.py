@@ -36,7 +36,7 @@ from validate.points.measured_errors import MeasuredErrors
 from validate.points.static_filter import Tracked
 from validate.points.triangulate import Triangulated
 from validate.prediction.process_levels import Level
-from validate.tables import pooled
+from validate.sweeps.rows import pooled
 
 __all__ = ["MODELS", "Design", "Held", "HeldStep", "assess_held", "design_of", "predicted_at", "training_levels"]
 

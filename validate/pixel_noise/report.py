@@ -21,7 +21,7 @@ from validate.runs.console import Console
 from validate.runs.progress import ViewProgress, clock
 from validate.store.folder import write_text
 from validate.store.remote import open_store
-from validate.tables import write_csv
+from validate.sweeps.rows import write_csv
 
 __all__ = ["make"]
 

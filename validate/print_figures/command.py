@@ -24,8 +24,8 @@ from validate.runs.progress import EXPECTED_SECONDS, ViewProgress, clock
 from validate.runs.table_text import table_text
 from validate.store.folder import Store, StoreError, write_text
 from validate.store.remote import open_store
-from validate.sweep import assess_sweep, plan
-from validate.view_names import view_names
+from validate.sweeps.sweep import assess_sweep, plan
+from validate.sweeps.view_names import view_names
 
 __all__ = ["main", "run"]
 

@@ -8,7 +8,7 @@ from validate.figures import draw_curves
 from validate.illustration import draw_configuration, shared_colours
 from validate.print_figures.save import WIDTH_IN, for_print, print_colour_scale
 from validate.stats.intervals import interval
-from validate.sweep import SweepResult
+from validate.sweeps.sweep import SweepResult
 
 __all__ = ["SWEEPS", "shown_steps", "static_figure", "static_rows"]
 

@@ -37,7 +37,7 @@ from validate.runs.program import program_name
 from validate.runs.run_file import listed, needed, option, read_run
 from validate.store.folder import Store, StoreError, write_text
 from validate.store.remote import open_store
-from validate.sweep import Plan, SweepResult, plan
+from validate.sweeps.sweep import Plan, SweepResult, plan
 
 __all__ = ["REPORT", "SweepForReport", "main", "of_results", "remade", "source_of_report", "write_report"]
 

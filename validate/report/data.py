@@ -89,7 +89,7 @@ class Curve:
     """PSS over a sweep's S steps, in 1/m; the ends of the 95 % interval are nan where it has none.
 
     Attributes:
-        flat: whether no step is better than another by more than chance (`validate.trends`).
+        flat: whether no step is better than another by more than chance (`validate.sweeps.optima`).
     """
 
     values: Floats

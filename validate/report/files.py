@@ -8,7 +8,7 @@ from validate.acquire.acquire import Acquisition
 from validate.markers.view_measurement import ViewMeasurement, load_measurement
 from validate.store.folder import Store, StoreError
 from validate.store.views import certificate_of
-from validate.view_names import view_name
+from validate.sweeps.view_names import view_name
 
 __all__ = ["REPORT", "stored_measurements"]
 

@@ -15,7 +15,7 @@ from pss import Evaluation, PTZCamera
 from render.world.state import SceneState
 from validate.acquire.acquire import Acquisition
 from validate.markers.view_measurement import ViewMeasurement
-from validate.sweep import Plan
+from validate.sweeps.sweep import Plan
 
 __all__ = ["Sight", "Step", "covariances", "sight_of", "steps_of_plan"]
 

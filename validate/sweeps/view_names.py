@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 from render.renderer import ViewRequest
 from validate.acquire.acquire import Acquisition
-from validate.sweep import Plan
+from validate.sweeps.sweep import Plan
 
 __all__ = ["names_in_steps", "view_name", "view_names"]
 

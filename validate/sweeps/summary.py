@@ -8,18 +8,18 @@ import numpy as np
 from rich.table import Table
 
 from validate.acquire.acquire import Acquired
-from validate.claims import claim_rows
-from validate.compare import Correlation, headline, own_rows
-from validate.measurement import is_measurement
-from validate.measurement_summary import error_line, error_table, ratio_table
 from validate.points.measured_errors import FEWEST_TRIALS
 from validate.prediction.own_metrics import own_metrics, own_table
 from validate.runs.console import Console
-from validate.slopes import slope_rows
 from validate.stats.intervals import FEWEST_RESAMPLED, oracle_regret
-from validate.sweep import SweepResult
-from validate.tables import detection_rows
-from validate.trends import kind_words, trend, trends
+from validate.sweeps.claims import claim_rows
+from validate.sweeps.correlation import Correlation, headline, own_rows
+from validate.sweeps.optima import kind_words, trend, trends
+from validate.sweeps.rows import detection_rows
+from validate.sweeps.single_step import is_measurement
+from validate.sweeps.single_step_summary import error_line, error_table, ratio_table
+from validate.sweeps.slopes import slope_rows
+from validate.sweeps.sweep import SweepResult
 
 __all__ = ["show"]
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from validate.stats.flatness import is_flat, least_difference, spread_of_points
 from validate.stats.intervals import interval
 from validate.stats.optimum import FLAT, NO_OPTIMUM, optimum
-from validate.sweep import SweepResult
+from validate.sweeps.sweep import SweepResult
 
 __all__ = ["MEASURED", "PREDICTED", "Trend", "kind_words", "optimum_rows", "trend", "trends"]
 

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from validate.points.measured_errors import MeasuredErrors
-from validate.replicates import SweepReplicates
 from validate.stats.intervals import interval
-from validate.sweep import SweepResult
-from validate.trends import kind_words
+from validate.sweeps.optima import kind_words
+from validate.sweeps.replicates import SweepReplicates
+from validate.sweeps.sweep import SweepResult
 
 __all__ = ["is_measurement", "measurement_rows"]
 

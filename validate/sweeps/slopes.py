@@ -16,9 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 from pss.errors import ShapeError
 from render.renderer import random_stream
 from validate.points.measured_errors import MeasuredErrors
-from validate.replicates import sweep_replicates
 from validate.stats.intervals import interval
-from validate.sweep import REPLICATES, SweepResult
+from validate.sweeps.replicates import sweep_replicates
+from validate.sweeps.sweep import REPLICATES, SweepResult
 
 __all__ = ["Slopes", "common_points", "log_slope", "slope_rows", "slopes", "slopes_of"]
 

@@ -20,7 +20,7 @@ from validate.points.error_budget import error_budget
 from validate.runs.csv_file import csv_text
 from validate.stats.intervals import interval
 from validate.store.folder import write_text
-from validate.sweep import SweepResult
+from validate.sweeps.sweep import SweepResult
 
 __all__ = [
     "THRESHOLDS_MM",

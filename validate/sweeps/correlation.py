@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from pss import METRICS, Evaluation
 from pss.metric.names import CAMERAS_TO_OBSERVE
 from validate.prediction.own_metrics import best_step, own_metrics
-from validate.replicates import SweepReplicates
 from validate.stats.intervals import interval_with, kendall, oracle_regret, pearson_log, regret, weighted_spearman
-from validate.sweep import SweepResult
-from validate.trends import trend
+from validate.sweeps.optima import trend
+from validate.sweeps.replicates import SweepReplicates
+from validate.sweeps.sweep import SweepResult
 
 __all__ = ["SHARES_UNDER_MM", "Correlation", "correlation_rows", "headline", "own_rows"]
 

@@ -16,8 +16,8 @@ from pss.noise import SCALED_MODELS
 from validate.points.configuration import predict
 from validate.stats.intervals import interval, weighted_spearman
 from validate.stats.optimum import optimum
-from validate.sweep import SweepResult
-from validate.trends import trend
+from validate.sweeps.optima import trend
+from validate.sweeps.sweep import SweepResult
 
 __all__ = ["SCALES", "scale_rows", "scaled"]
 

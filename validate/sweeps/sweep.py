@@ -17,8 +17,8 @@ from validate.acquire.acquire import Acquired, Acquisition, views_of
 from validate.markers.view_measurement import ViewMeasurement
 from validate.points.configuration import Assessment, assess
 from validate.prediction.own_metrics import OwnScores, own_metrics, own_scores
-from validate.replicates import SweepReplicates, sweep_replicates
 from validate.stats.flatness import exchanged_ranges
+from validate.sweeps.replicates import SweepReplicates, sweep_replicates
 
 __all__ = ["Plan", "SweepResult", "assess_sweep", "plan"]
 

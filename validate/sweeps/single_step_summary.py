@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
-from validate.measurement import measurement_rows
 from validate.runs.table_text import written
 from validate.stats.intervals import interval
-from validate.sweep import SweepResult
-from validate.tables import THRESHOLDS_MM, pooled
+from validate.sweeps.rows import THRESHOLDS_MM, pooled
+from validate.sweeps.single_step import measurement_rows
+from validate.sweeps.sweep import SweepResult
 
 __all__ = ["error_line", "error_table", "ratio_table"]
 

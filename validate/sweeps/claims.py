@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from validate.stats.intervals import interval, weighted_spearman
 from validate.stats.optimum import optimum
-from validate.sweep import SweepResult
+from validate.sweeps.sweep import SweepResult
 
 __all__ = ["claim_rows"]
 

@@ -1,0 +1,1 @@
+"""One sweep: plan, prediction beside measurement, and the rows of its tables."""
