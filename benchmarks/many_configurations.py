@@ -25,10 +25,10 @@ from pss.cameras.views import Views
 from pss.visibility.points import VISIBILITY_TESTS, visible_in
 from scenes import load_scene
 from validate.bank.design import BankDesign, ViewBank, draw_configurations, held_out_views
+from validate.bank.judge import predictions
+from validate.bank.leaderboard import single_frame_terms
 from validate.bank.measured import BankData, measure_all
 from validate.bank.predicted import Contender
-from validate.bank.study import predictions
-from validate.bank.verdict import single_frame_terms
 from validate.stats.crossed import Resamples
 from validate.stats.ranking import judge_against
 

@@ -16,12 +16,12 @@ from tests.conftest import ROOM_FILE
 from validate import run_sweep
 from validate.bank.design import BankDesign, detection_views, draw_configurations, held_out_views, training_views
 from validate.bank.differences import METRICS_OF_R, difference_rows
+from validate.bank.leaderboard import CountVerdict, leaderboard, yardsticks
 from validate.bank.measured import BankData, measure_all
-from validate.bank.phase import LARGEST_TURN_PX, carried_back, joined, turned
 from validate.bank.predicted import Contender, GivenCovariance, PredictionTask, predict_all
 from validate.bank.sensitivity import variants
 from validate.bank.size_bins import BINS, size_rows
-from validate.bank.verdict import CountVerdict, leaderboard, yardsticks
+from validate.bank.subpixel_shifts import LARGEST_TURN_PX, carried_back, joined, turned
 from validate.markers.view_measurement import ViewMeasurement
 from validate.stats.consistency import anisotropy, crossed_mean, of_errors, sandwich
 from validate.stats.ranking import Resamples, judge_against, partial, top_hits

@@ -14,11 +14,7 @@ from pss.noise import IdentityNoise
 from pss.riccati.covariances import largest_standard_deviation
 from pss.visibility.points import VISIBILITY_TESTS, visible_in
 from render.renderer import random_stream
-from validate.bank.measured import BankData, measure_all
-from validate.bank.miscalibrated_measured import MeasuredMoments, carried_through, triangulated
-from validate.bank.miscalibrated_prediction import Predictions, second_moments
-from validate.bank.miscalibrated_study import study
-from validate.calibration_error import (
+from validate.bank.calibration_errors import (
     CalibrationNoise,
     CalibrationSizes,
     _moved,
@@ -29,6 +25,10 @@ from validate.calibration_error import (
     passing_covariance,
     shifts_px,
 )
+from validate.bank.calibration_measured import MeasuredMoments, carried_through, triangulated
+from validate.bank.calibration_predicted import Predictions, second_moments
+from validate.bank.calibration_study import study
+from validate.bank.measured import BankData, measure_all
 from validate.points.triangulate import triangulate
 
 RNG = np.random.default_rng(4)

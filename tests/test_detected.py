@@ -16,8 +16,8 @@ from tests.conftest import ROOM_FILE
 from validate.acquire.acquire import Acquired
 from validate.bank.design import BankDesign, held_out_views
 from validate.bank.detected import detection_rows, reliability_rows
+from validate.bank.judge import FULL_MODEL, detection_of, predictions, scene_contenders
 from validate.bank.measured import BankData
-from validate.bank.study import FULL_MODEL, detection_of, predictions, scene_contenders
 
 RAMP = {"constant": 5.0, "size": 1.7, "blur": 4.0, "signal": 5.0, "incidence": 0.0, "lapse": 0.0}
 

@@ -28,7 +28,7 @@ from pss.metric.table import MetricTable
 from scenes import load_scene, load_sweep
 from tests.documents import BLOCKS, DOCS, PAGES, ROOT, shell_lines, toml_file
 from validate import run_sweep
-from validate.bank import study
+from validate.bank import judge
 from validate.command_line import COMMANDS
 from validate.sweeps import correlation
 
@@ -135,8 +135,8 @@ def test_python_runs_and_prints_what_the_page_says(page, own_metrics, monkeypatc
 
 def test_the_bank_asks_metrics_of_ones_own(own_metrics, monkeypatch):
     """docs/own-metric.md: every metric of the table, with the calibrated model; of ours a sweep keeps to four."""
-    monkeypatch.setattr(study, "METRICS", own_metrics)
-    assert {(study.CALIBRATED_LIMITS, name) for name in own_metrics} <= set(study.asked_pairs([]))
+    monkeypatch.setattr(judge, "METRICS", own_metrics)
+    assert {(judge.CALIBRATED_LIMITS, name) for name in own_metrics} <= set(judge.asked_pairs([]))
     assert "share-within-5-mm" in own_metrics
     assert len(correlation.COMPARED) == 4
     assert "pss" in correlation.COMPARED

@@ -12,7 +12,8 @@ from pss.noise import Calibration
 from scenes import load_scene
 from tests.test_hallway_study import acquired_of
 from validate import run_sweep
-from validate.bank import command, prepare
+from validate.bank import acquire as prepare
+from validate.bank import command
 from validate.bank.design import BankDesign, held_out_views
 from validate.runs.csv_file import read_csv
 

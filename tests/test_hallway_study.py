@@ -25,7 +25,7 @@ from render.renderer import state_key
 from scenes import SceneError, load_scene
 from scenes.steps.schedule_file import SURROGATES, load_schedule
 from validate.acquire.acquire import Acquired
-from validate.bank.study import PHYSICAL_WHOLE
+from validate.bank.judge import PHYSICAL_WHOLE
 from validate.hallway import command
 from validate.hallway.agreement import ALL_RUNS, agreement_rows
 from validate.hallway.claims import claim_rows

@@ -12,9 +12,9 @@ from tests.conftest import ROOM_FILE
 from tests.test_hallway_study import acquired_of
 from validate.acquire.acquire import Acquired
 from validate.acquire.messages import RunMessages
-from validate.bank import prepare
+from validate.bank import acquire as prepare
+from validate.bank.acquire import acquire_banks, enough
 from validate.bank.design import BankDesign, held_out_views, training_views
-from validate.bank.prepare import acquire_banks, enough
 from validate.hallway import command
 from validate.runs.exit_codes import EXIT_DONE, EXIT_FAILED
 

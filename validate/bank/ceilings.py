@@ -13,10 +13,10 @@ from pss.riccati.covariances import root_trace
 from pss.visibility.points import VisibilityTest
 from validate.acquire.acquire import Acquired
 from validate.bank.design import ViewBank
+from validate.bank.judge import appearance_of, predictions
+from validate.bank.leaderboard import CountVerdict, single_frame_terms
 from validate.bank.measured import BankData, residual_moments
 from validate.bank.predicted import Contender, GivenCovariance, GivenVisibility
-from validate.bank.study import appearance_of, predictions
-from validate.bank.verdict import CountVerdict, single_frame_terms
 from validate.stats.consistency import of_errors, pooled_spearman, root_trace_of
 from validate.stats.ranking import Judged, judge_against, with_interval
 

@@ -22,17 +22,14 @@ from validate.acquire.acquire import Acquired
 from validate.acquire.forecast import announce
 from validate.acquire.messages import RunMessages
 from validate.acquire.options import HERE, Scale
+from validate.bank.acquire import acquire_banks, calibrate, enough
 from validate.bank.ceilings import oracle_rows, parts_rows
+from validate.bank.consistency_rows import blunder_row, consistency_rows, pixel_rows
 from validate.bank.design import BankDesign, ViewBank, detection_views, held_out_views, training_views
 from validate.bank.detected import detection_rows, reliability_rows
 from validate.bank.differences import difference_rows
 from validate.bank.filtered import filter_all
-from validate.bank.levels import blunder_row, consistency_rows, pixel_rows
-from validate.bank.prepare import acquire_banks, calibrate, enough
-from validate.bank.process_noise import process_levels, process_rows
-from validate.bank.sensitivity import scale_rows, sensitivity_rows
-from validate.bank.size_bins import size_rows
-from validate.bank.study import (
+from validate.bank.judge import (
     BASES,
     FREE_MODELS,
     asked_pairs,
@@ -45,7 +42,10 @@ from validate.bank.study import (
     verdict_of,
     visibilities,
 )
-from validate.bank.verdict import leaderboard
+from validate.bank.leaderboard import leaderboard
+from validate.bank.process_noise import process_levels, process_rows
+from validate.bank.sensitivity import scale_rows, sensitivity_rows
+from validate.bank.size_bins import size_rows
 from validate.findings.bank import bank_findings
 from validate.prediction.frozen import FrozenCalibration, leave, provenance_of, read_frozen
 from validate.prediction.process_levels import Level

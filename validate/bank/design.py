@@ -21,7 +21,7 @@ from render.lens.sampling import Sampling
 from render.renderer import random_stream
 from scenes import Scene
 from validate.acquire.acquire import Acquired, Acquisition, views_of
-from validate.bank.phase import joined, turned
+from validate.bank.subpixel_shifts import joined, turned
 from validate.markers.view_measurement import ViewMeasurement
 from validate.points.measured_errors import FEWEST_TRIALS
 

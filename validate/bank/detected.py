@@ -14,8 +14,8 @@ from pss.visibility.points import VisibilityTest, visible_in
 from pss.visibility.targets import TARGET_VISIBILITY
 from validate.acquire.acquire import Acquired
 from validate.bank.design import ViewBank
+from validate.bank.judge import appearance_of
 from validate.bank.measured import BankData
-from validate.bank.study import appearance_of
 from validate.prediction.detection import log_loss
 from validate.stats.consistency import crossed_mean
 from validate.stats.ranking import Resamples

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from validate.bank.verdict import CountVerdict, yardsticks
+from validate.bank.leaderboard import CountVerdict, yardsticks
 from validate.stats.ranking import Ranked, with_interval
 
 __all__ = ["METRICS_OF_R", "difference_rows"]

@@ -19,7 +19,7 @@ from pss.processes.process import ProcessModel
 from pss.riccati.covariances import largest_standard_deviation
 from render.renderer import random_stream
 from validate.bank.measured import BankData, ConfigurationErrors
-from validate.bank.workers import workers_context
+from validate.bank.processes import workers_context
 from validate.points.filter_moments import steady_moments
 from validate.points.measured_errors import measured_inverse_sigma
 from validate.points.static_filter import track

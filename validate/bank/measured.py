@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from pss import PTZCamera
 from pss.processes.process import ProcessModel
-from validate.bank.workers import workers_context
+from validate.bank.processes import workers_context
 from validate.points.filter_moments import steady_moments
 from validate.points.measured_errors import MeasuredErrors
 from validate.points.static_filter import trial_terms

@@ -19,12 +19,12 @@ from scenes.steps.sweep_file import SWEEPS
 from validate.acquire.acquire import Acquired
 from validate.acquire.messages import RunMessages
 from validate.acquire.options import HERE, Scale
+from validate.bank.acquire import acquire_banks, calibrate, enough
+from validate.bank.calibration_predicted import Predictions
+from validate.bank.calibration_study import IN_WEIGHTS, OWN, study
 from validate.bank.design import BankDesign, ViewBank, draw_configurations, held_out_views, training_views
+from validate.bank.judge import appearance_of, data_of, noise_models, visibilities
 from validate.bank.miscalibrated_figure import draw
-from validate.bank.miscalibrated_prediction import Predictions
-from validate.bank.miscalibrated_study import IN_WEIGHTS, OWN, study
-from validate.bank.prepare import acquire_banks, calibrate, enough
-from validate.bank.study import appearance_of, data_of, noise_models, visibilities
 from validate.run import check_folders
 from validate.runs.console import Console
 from validate.runs.exit_codes import EXIT_DONE, EXIT_FAILED

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
-from validate.bank.miscalibrated_study import EACH_FRAME, FROZEN, IN_WEIGHTS, OVER, OWN, WITHIN
+from validate.bank.calibration_study import EACH_FRAME, FROZEN, IN_WEIGHTS, OVER, OWN, WITHIN
 from validate.drawing import plt
 from validate.store.folder import atomic_path
 

@@ -19,7 +19,7 @@ from pss.noise.covariance import PixelCovariance
 from pss.processes.process import ProcessModel
 from pss.surrogates import Shape
 from pss.visibility.points import VISIBILITY_TESTS, VisibilityTest, visible_in
-from validate.bank.workers import workers_context
+from validate.bank.processes import workers_context
 
 __all__ = ["Contender", "GivenCovariance", "GivenVisibility", "Predicted", "PredictionTask", "predict_all"]
 

@@ -20,9 +20,9 @@ from render.renderer import random_stream
 from validate.acquire.acquire import Acquired
 from validate.bank.design import ViewBank, draw_configurations
 from validate.bank.filtered import Filtered
+from validate.bank.judge import appearance_of, predictions
+from validate.bank.leaderboard import CountVerdict
 from validate.bank.predicted import Contender, Predicted
-from validate.bank.study import appearance_of, predictions
-from validate.bank.verdict import CountVerdict
 from validate.prediction.process_levels import Level, levels_about
 from validate.stats.ranking import Ranked, with_interval
 

@@ -16,10 +16,10 @@ from pss.visibility.points import VisibilityTest
 from scenes import Scene
 from validate.acquire.acquire import Acquired
 from validate.bank.design import ViewBank
+from validate.bank.judge import appearance_of, predictions
+from validate.bank.leaderboard import CountVerdict, single_frame_terms, yardsticks
 from validate.bank.measured import BankData
 from validate.bank.predicted import Contender
-from validate.bank.study import appearance_of, predictions
-from validate.bank.verdict import CountVerdict, single_frame_terms, yardsticks
 from validate.stats.ranking import judge_against, with_interval
 from validate.sweeps.scale_of_r import scaled
 

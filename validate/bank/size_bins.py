@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from validate.bank.verdict import CountVerdict
+from validate.bank.leaderboard import CountVerdict
 from validate.stats.consistency import FEWEST_TRIALS, root_trace_of
 
 __all__ = ["BINS", "binned", "size_rows"]

@@ -21,7 +21,7 @@ from validate.acquire.forecast import announce
 from validate.acquire.messages import RunMessages
 from validate.acquire.options import HERE, Scale
 from validate.acquire.quality_warnings import warn_of_darkness, warn_of_render_noise, warn_of_saturation
-from validate.bank.study import FREE_MODELS, check_models, judged, scene_contenders
+from validate.bank.judge import FREE_MODELS, check_models, judged, scene_contenders
 from validate.hallway.agreement import ALL_RUNS, agreement_rows
 from validate.hallway.claims import claim_rows
 from validate.hallway.own_cameras import own_cameras

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pss.noise import Calibration
 from render.renderer import random_stream, state_key
 from validate.acquire.acquire import Acquired
-from validate.bank.study import scene_contenders
+from validate.bank.judge import scene_contenders
 from validate.hallway.process_noise import inverse_sigma, measured_inverse, predicted_inverse
 from validate.hallway.results import HEADLINE_KIND, KINDS, Curves, ScheduleResult
 from validate.hallway.study import Held, predicted_at

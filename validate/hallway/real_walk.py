@@ -23,7 +23,7 @@ from scenes import Scene
 from scenes.markers.suit import ids_on
 from scenes.steps.schedule_file import ScheduleFile
 from validate.acquire.acquire import Acquired, Acquisition
-from validate.bank.study import FULL_MODEL, scene_contenders
+from validate.bank.judge import FULL_MODEL, scene_contenders
 from validate.hallway.motion_misfit import misfit_rows, motion_misfit
 from validate.hallway.runs import plan_of, step_views, tracking_of
 from validate.hallway.stage import BOTH, Stage

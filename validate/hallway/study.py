@@ -18,8 +18,8 @@ from render.renderer import random_stream, state_key
 from scenes import Scene
 from scenes.steps.schedule_file import ScheduleFile
 from validate.acquire.acquire import Acquired, Acquisition
+from validate.bank.judge import CALIBRATED_LIMITS, FULL_MODEL, PHYSICAL_WHOLE, SCALED, scene_contenders
 from validate.bank.predicted import Contender
-from validate.bank.study import CALIBRATED_LIMITS, FULL_MODEL, PHYSICAL_WHOLE, SCALED, scene_contenders
 from validate.hallway.process_noise import (
     RULED_BY,
     FilterLevels,

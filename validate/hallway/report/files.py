@@ -15,7 +15,7 @@ from render.light import lit_scene
 from scenes import load_scene
 from scenes.steps.schedule_file import load_schedule
 from validate.acquire.acquire import Acquisition, baked
-from validate.bank.study import scene_contenders
+from validate.bank.judge import scene_contenders
 from validate.hallway.own_strategy import own_strategy
 from validate.hallway.report.page import html_of_schedule, schedule_section
 from validate.hallway.report.steps import Different, different, steps_of_design

@@ -17,7 +17,7 @@ from pss.cameras.views import Views
 from pss.noise import PixelCovariance
 from pss.processes.steady_state import SMALLEST_INFORMATION_RATIO
 from pss.riccati.covariances import largest_standard_deviation, root_trace
-from validate.calibration_error import CalibrationNoise, CalibrationSizes
+from validate.bank.calibration_errors import CalibrationNoise, CalibrationSizes
 
 __all__ = ["PredictedErrors", "Predictions", "inverse_sigma", "second_moments"]
 

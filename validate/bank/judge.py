@@ -18,9 +18,9 @@ from render.renderer import random_stream, state_key
 from scenes import Scene, SceneError
 from validate.acquire.acquire import Acquired
 from validate.bank.design import ViewBank, draw_configurations
+from validate.bank.leaderboard import CountVerdict
 from validate.bank.measured import BankData, measure_all
 from validate.bank.predicted import Contender, Predicted, PredictionTask, predict_all
-from validate.bank.verdict import CountVerdict
 from validate.prediction.detection import DetectionTrials, FittedDetection, detection_trials, fit_detection
 from validate.prediction.limits import FittedLimits, fit_limits
 from validate.prediction.weights import (

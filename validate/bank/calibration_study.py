@@ -17,11 +17,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from validate.bank.calibration_errors import (
+    PTZ_SIZES,
+    CalibrationSizes,
+    passing_covariance,
+    shifts_px,
+    without_blunders,
+)
+from validate.bank.calibration_measured import MeasuredMoments, carried_through, triangulated
+from validate.bank.calibration_predicted import PredictedErrors, Predictions
 from validate.bank.measured import BankData
-from validate.bank.miscalibrated_measured import MeasuredMoments, carried_through, triangulated
-from validate.bank.miscalibrated_prediction import PredictedErrors, Predictions
-from validate.bank.workers import workers_context
-from validate.calibration_error import PTZ_SIZES, CalibrationSizes, passing_covariance, shifts_px, without_blunders
+from validate.bank.processes import workers_context
 from validate.stats.crossed import mean_over_draws
 from validate.stats.ranking import Judged, Ranked, Resamples
 

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from pss.cameras.views import Views
 from pss.riccati.covariances import largest_standard_deviation, root_trace
+from validate.bank.calibration_predicted import inverse_where_known, second_moments
 from validate.bank.measured import BankData, measure_all
-from validate.bank.miscalibrated_prediction import inverse_where_known, second_moments
 from validate.points.measured_errors import measured_inverse_sigma
 
 __all__ = ["MeasuredMoments", "carried_through", "triangulated"]
