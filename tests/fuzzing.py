@@ -171,7 +171,7 @@ def _shipped(path: Path) -> Any:
 def read_sweep(path: Path) -> None:
     from scenes import load_sweep
     from scenes.steps.schedule_file import load_schedule
-    from validate.hallway.stage import stage_of
+    from validate.schedule.stage import stage_of
 
     if path.parent.name == "schedules":
         schedule = load_schedule(path)

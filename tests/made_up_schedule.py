@@ -13,17 +13,17 @@ from scenes import load_scene
 from scenes.steps.schedule_file import load_schedule
 from tests.made_up_run import CERTIFICATE, made_up_view
 from tests.test_hallway_study import acquired_of, levels_at
-from validate.hallway.agreement import agreement_rows
-from validate.hallway.claims import claim_rows
-from validate.hallway.process_rows import process_rows
-from validate.hallway.ranking import ranking_rows, strategy_rows
 from validate.hallway.report.files import of_schedule, write_schedule_report
-from validate.hallway.results import result_of
-from validate.hallway.rows import held_configuration_rows, held_point_rows, run_rows
-from validate.hallway.runs import Run
-from validate.hallway.stage import BOTH, stage_of
-from validate.hallway.steering import Steered
-from validate.hallway.study import assess_held, design_of
+from validate.schedule.agreement import agreement_rows
+from validate.schedule.claims import claim_rows
+from validate.schedule.held import assess_held, design_of
+from validate.schedule.process_rows import process_rows
+from validate.schedule.results import result_of
+from validate.schedule.rows import held_configuration_rows, held_point_rows, run_rows
+from validate.schedule.runs import Run
+from validate.schedule.stage import BOTH, stage_of
+from validate.schedule.steering import Steered
+from validate.schedule.strategy_ranking import ranking_rows, strategy_rows
 from validate.store.folder import Store
 from validate.store.views import save_view
 from validate.sweeps.correlation import correlation_rows

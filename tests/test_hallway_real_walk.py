@@ -17,7 +17,7 @@ from validate.hallway import real_walk_files
 from validate.hallway.motion_misfit import motion_misfit
 from validate.hallway.real_walk import body_parts, gait_densities, real_walk_of, track_real_walk
 from validate.hallway.real_walk_files import torso_trajectories, write_real_walk
-from validate.hallway.stage import stage_of, stance_in
+from validate.schedule.stage import stage_of, stance_in
 from validate.store.folder import Store
 
 # Of a walk of 4 s.

@@ -10,11 +10,11 @@ import scipy.stats
 from pss import ConstantVelocity, PTZCamera, RangeError, ShapeError
 from pss.cameras.motors import PTZLimits, follow, quantised
 from pss.surrogates import Cylinder, on_cylinder
-from validate.hallway.state import Avatar, Plan
-from validate.hallway.steering import steer
-from validate.hallway.strategies import STRATEGIES
-from validate.hallway.tracker import Track, Tracking, noisy_positions
-from validate.hallway.walk import passing
+from validate.schedule.state import Avatar, Plan
+from validate.schedule.steering import steer
+from validate.schedule.strategies import STRATEGIES
+from validate.schedule.tracker import Track, Tracking, noisy_positions
+from validate.schedule.walk import passing
 
 # Relative to metres and m/s: the same filter by another route, over some hundred frames.
 SAME_FILTER = 1e-9

@@ -12,9 +12,9 @@ import pytest
 from pss import GeometryError, PTZCamera, RangeError, ShapeError, evaluate
 from pss.cameras.motors import PTZLimits, follow, moved_towards
 from pss.surrogates import Cylinder, Surrogate, on_cylinder
-from validate.hallway.state import Avatar, Plan, StrategyState
-from validate.hallway.strategies import STRATEGIES, best_predicted, strategy_named
-from validate.hallway.walk import Passing, Walk, passing
+from validate.schedule.state import Avatar, Plan, StrategyState
+from validate.schedule.strategies import STRATEGIES, best_predicted, strategy_named
+from validate.schedule.walk import Passing, Walk, passing
 
 # Relative: one configuration and sixteen take other paths through BLAS.
 SAME_TO_ROUNDING = 1e-9

@@ -27,20 +27,20 @@ from scenes.steps.schedule_file import SURROGATES, load_schedule
 from validate.acquire.acquire import Acquired
 from validate.bank.judge import PHYSICAL_WHOLE
 from validate.hallway import command
-from validate.hallway.agreement import ALL_RUNS, agreement_rows
-from validate.hallway.claims import claim_rows
 from validate.hallway.command import own_strategy
-from validate.hallway.own_cameras import own_cameras
-from validate.hallway.process_noise import alike_frame_rate_hz, headline_of_walk, levels_of_walk
-from validate.hallway.process_rows import process_rows
-from validate.hallway.ranking import ranking_rows, strategy_rows, yardsticks
-from validate.hallway.results import KINDS, result_of
-from validate.hallway.rows import held_configuration_rows, held_point_rows, run_rows
-from validate.hallway.runs import steered_runs
-from validate.hallway.stage import BOTH, stage_of
-from validate.hallway.study import assess_held, design_of, training_levels
-from validate.hallway.training import calibrate_hallway, training_views
 from validate.markers.view_measurement import ViewMeasurement
+from validate.schedule.agreement import ALL_RUNS, agreement_rows
+from validate.schedule.claims import claim_rows
+from validate.schedule.held import assess_held, design_of, training_levels
+from validate.schedule.own_cameras import own_cameras
+from validate.schedule.process_noise import alike_frame_rate_hz, headline_of_walk, levels_of_walk
+from validate.schedule.process_rows import process_rows
+from validate.schedule.results import KINDS, result_of
+from validate.schedule.rows import held_configuration_rows, held_point_rows, run_rows
+from validate.schedule.runs import steered_runs
+from validate.schedule.stage import BOTH, stage_of
+from validate.schedule.strategy_ranking import ranking_rows, strategy_rows, yardsticks
+from validate.schedule.training import calibrate_hallway, training_views
 from validate.store.folder import StoreError
 
 TRIALS = 12

@@ -22,21 +22,9 @@ from validate.acquire.messages import RunMessages
 from validate.acquire.options import HERE, Scale
 from validate.acquire.quality_warnings import warn_of_darkness, warn_of_render_noise, warn_of_saturation
 from validate.bank.judge import FREE_MODELS, check_models, judged, scene_contenders
-from validate.hallway.agreement import ALL_RUNS, agreement_rows
-from validate.hallway.claims import claim_rows
-from validate.hallway.own_cameras import own_cameras
-from validate.hallway.own_strategy import own_strategy
-from validate.hallway.process_rows import process_rows
-from validate.hallway.ranking import ranking_rows, strategy_rows
 from validate.hallway.real_walk import real_walk_of, track_real_walk
 from validate.hallway.real_walk_files import write_real_walk
 from validate.hallway.report.files import of_schedule, write_schedule_report
-from validate.hallway.results import ScheduleResult, result_of
-from validate.hallway.rows import held_configuration_rows, held_point_rows, run_rows
-from validate.hallway.runs import Run, steered_runs, strategies_of
-from validate.hallway.stage import BOTH, stage_of
-from validate.hallway.study import FULL_MODEL, MODELS, Design, assess_held, design_of, training_levels
-from validate.hallway.training import calibrate_hallway, training_views
 from validate.hallway.wanted import Wanted
 from validate.run import check_folders, linked_views
 from validate.runs.console import Console
@@ -44,6 +32,18 @@ from validate.runs.exit_codes import EXIT_DONE, EXIT_FAILED
 from validate.runs.program import program_name
 from validate.runs.progress import clock
 from validate.runs.versions import versions
+from validate.schedule.agreement import ALL_RUNS, agreement_rows
+from validate.schedule.claims import claim_rows
+from validate.schedule.held import FULL_MODEL, MODELS, Design, assess_held, design_of, training_levels
+from validate.schedule.own_cameras import own_cameras
+from validate.schedule.own_strategy import own_strategy
+from validate.schedule.process_rows import process_rows
+from validate.schedule.results import ScheduleResult, result_of
+from validate.schedule.rows import held_configuration_rows, held_point_rows, run_rows
+from validate.schedule.runs import Run, steered_runs, strategies_of
+from validate.schedule.stage import BOTH, stage_of
+from validate.schedule.strategy_ranking import ranking_rows, strategy_rows
+from validate.schedule.training import calibrate_hallway, training_views
 from validate.store.folder import Store, atomic_path, write_text
 from validate.store.remote import open_store
 from validate.sweeps.correlation import correlation_rows

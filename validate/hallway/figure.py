@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from validate.drawing import plt
 from validate.figures import MODEL_COLOURS
-from validate.hallway.results import KINDS, ScheduleResult
-from validate.hallway.runs import limit_name
-from validate.hallway.study import FULL_MODEL
+from validate.schedule.held import FULL_MODEL
+from validate.schedule.results import KINDS, ScheduleResult
+from validate.schedule.runs import limit_name
 from validate.stats.intervals import interval
 
 __all__ = ["draw_panel", "key_lines", "schedule_figure"]

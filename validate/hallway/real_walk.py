@@ -25,14 +25,14 @@ from scenes.steps.schedule_file import ScheduleFile
 from validate.acquire.acquire import Acquired, Acquisition
 from validate.bank.judge import FULL_MODEL, scene_contenders
 from validate.hallway.motion_misfit import misfit_rows, motion_misfit
-from validate.hallway.runs import plan_of, step_views, tracking_of
-from validate.hallway.stage import BOTH, Stage
-from validate.hallway.steering import Steered, steer
-from validate.hallway.strategies import Strategy, strategy_named
-from validate.hallway.walk import Passing
 from validate.hallway.walk_consistency import consistency
 from validate.hallway.walk_filter import WalkTracks, track_walk
 from validate.hallway.walk_riccati import riccati_along
+from validate.schedule.runs import plan_of, step_views, tracking_of
+from validate.schedule.stage import BOTH, Stage
+from validate.schedule.steering import Steered, steer
+from validate.schedule.strategies import Strategy, strategy_named
+from validate.schedule.walk import Passing
 
 __all__ = [
     "RealWalk",

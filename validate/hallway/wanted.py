@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from validate.acquire.acquire import Acquisition
 from validate.acquire.messages import RunMessages
 from validate.hallway.real_walk import RealWalk
-from validate.hallway.runs import Run
-from validate.hallway.study import Design
-from validate.hallway.training import Training
+from validate.schedule.held import Design
+from validate.schedule.runs import Run
+from validate.schedule.training import Training
 
 __all__ = ["Wanted"]
 

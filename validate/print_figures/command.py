@@ -97,12 +97,12 @@ def _walk(
     number: int, out: Path, table: str | None, store: Store, chosen: backend.Backend, errors: Console, dry_run: bool
 ) -> list[Path]:
     # Imported late: slow, and wanted for one figure alone.
-    from validate.hallway.results import result_of
-    from validate.hallway.runs import steered_runs
-    from validate.hallway.stage import BOTH, stage_of
-    from validate.hallway.study import assess_held, design_of, training_levels
-    from validate.hallway.training import calibrate_hallway, training_views
     from validate.print_figures.walk import walk_figure, walk_rows
+    from validate.schedule.held import assess_held, design_of, training_levels
+    from validate.schedule.results import result_of
+    from validate.schedule.runs import steered_runs
+    from validate.schedule.stage import BOTH, stage_of
+    from validate.schedule.training import calibrate_hallway, training_views
 
     file = load_schedule(SCHEDULE)
     stage = stage_of(file, load_scene(file.scene_path))

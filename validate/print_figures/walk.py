@@ -8,11 +8,11 @@ from matplotlib.figure import Figure
 
 from validate.figures import MODEL_COLOURS
 from validate.hallway.figure import PANELS, draw_panel, key_lines
-from validate.hallway.results import KINDS, ScheduleResult
-from validate.hallway.runs import limit_name
 from validate.illustration import SIGNS, draw_configuration, shared_colours
 from validate.print_figures.save import WIDTH_IN, for_print, print_colour_scale
 from validate.projected import Eye
+from validate.schedule.results import KINDS, ScheduleResult
+from validate.schedule.runs import limit_name
 from validate.stats.intervals import interval
 
 __all__ = ["moments", "walk_figure", "walk_rows"]

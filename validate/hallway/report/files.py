@@ -16,20 +16,20 @@ from scenes import load_scene
 from scenes.steps.schedule_file import load_schedule
 from validate.acquire.acquire import Acquisition, baked
 from validate.bank.judge import scene_contenders
-from validate.hallway.own_strategy import own_strategy
 from validate.hallway.report.page import html_of_schedule, schedule_section
 from validate.hallway.report.steps import Different, different, steps_of_design
 from validate.hallway.report.tables import read_schedule
-from validate.hallway.results import ScheduleResult
-from validate.hallway.runs import limit_name, steered_runs
-from validate.hallway.stage import BOTH, stage_of
-from validate.hallway.study import MODELS, Design, design_of, predicted_at
 from validate.markers.view_measurement import ViewMeasurement
 from validate.report.files import REPORT, stored_measurements
 from validate.report.images import pictures_of
 from validate.report.model_file import write_models
 from validate.report.named import Given
 from validate.runs.run_file import listed, needed, option
+from validate.schedule.held import MODELS, Design, design_of, predicted_at
+from validate.schedule.own_strategy import own_strategy
+from validate.schedule.results import ScheduleResult
+from validate.schedule.runs import limit_name, steered_runs
+from validate.schedule.stage import BOTH, stage_of
 from validate.store.folder import Store, StoreError, write_text
 from validate.store.remote import open_store
 

@@ -10,11 +10,11 @@ import numpy as np
 
 from pss import Evaluation
 from validate.acquire.acquire import Acquisition
-from validate.hallway.runs import limit_name
-from validate.hallway.stage import BOTH
-from validate.hallway.study import Design
 from validate.markers.view_measurement import ViewMeasurement
 from validate.report.steps import Step, covariances, sight_of
+from validate.schedule.held import Design
+from validate.schedule.runs import limit_name
+from validate.schedule.stage import BOTH
 
 __all__ = ["Different", "different", "label_of", "steps_of_design"]
 

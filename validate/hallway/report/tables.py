@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from validate.hallway.stage import BOTH
 from validate.report.data import Kind, SweepTable, needed_tables, table_of
 from validate.runs.csv_file import number_in
 from validate.runs.csv_rows import Row, all_of
+from validate.schedule.stage import BOTH
 from validate.store.folder import StoreError
 
 __all__ = ["KIND_NAMES", "ScheduleTable", "number", "read_schedule"]

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from render.renderer import random_stream
 from scenes import Configuration
-from validate.hallway.process_noise import headline_of_walk, inverse_sigma
-from validate.hallway.study import MODELS, Held
 from validate.points.configuration import Assessment
+from validate.schedule.held import MODELS, Held
+from validate.schedule.process_noise import headline_of_walk, inverse_sigma
 from validate.stats.flatness import EXCHANGES
 from validate.sweeps.replicates import SweepReplicates, sweep_replicates
 from validate.sweeps.sweep import REPLICATES, Plan, SweepResult
@@ -30,7 +30,7 @@ Floats = NDArray[np.float64]
 HEADLINE_KIND = "filter, q ≈ c"
 KINDS = ("filter", HEADLINE_KIND, "single frame")
 """PSS made of σ∞ beside the filter over the held views, at the schedule's process and at the level of process noise
-where σ∞ is neither all process nor all measurement (`validate.hallway.process_noise`); PSS made of C beside frames."""
+where σ∞ is neither all process nor all measurement (`validate.schedule.process_noise`); PSS made of C beside frames."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from validate.hallway.results import HEADLINE_KIND, ScheduleResult
-from validate.hallway.runs import limit_name
+from validate.schedule.results import HEADLINE_KIND, ScheduleResult
+from validate.schedule.runs import limit_name
 from validate.stats.intervals import sample_interval
 from validate.sweeps.rows import configuration_rows, point_rows
 

@@ -20,22 +20,22 @@ from scenes.steps.schedule_file import ScheduleFile
 from validate.acquire.acquire import Acquired, Acquisition
 from validate.bank.judge import CALIBRATED_LIMITS, FULL_MODEL, PHYSICAL_WHOLE, SCALED, scene_contenders
 from validate.bank.predicted import Contender
-from validate.hallway.process_noise import (
+from validate.points.configuration import Assessment, Measured, measure_configuration
+from validate.points.measured_errors import MeasuredErrors
+from validate.points.static_filter import Tracked
+from validate.points.triangulate import Triangulated
+from validate.prediction.process_levels import Level
+from validate.schedule.process_noise import (
     RULED_BY,
     FilterLevels,
     levels_of_walk,
     measured_inverse,
     predicted_inverse,
 )
-from validate.hallway.runs import Run, step_views
-from validate.hallway.stage import BOTH, Stage
-from validate.hallway.surrogates import avatar_like
-from validate.hallway.training import Training
-from validate.points.configuration import Assessment, Measured, measure_configuration
-from validate.points.measured_errors import MeasuredErrors
-from validate.points.static_filter import Tracked
-from validate.points.triangulate import Triangulated
-from validate.prediction.process_levels import Level
+from validate.schedule.runs import Run, step_views
+from validate.schedule.stage import BOTH, Stage
+from validate.schedule.surrogates import avatar_like
+from validate.schedule.training import Training
 from validate.sweeps.rows import pooled
 
 __all__ = ["MODELS", "Design", "Held", "HeldStep", "assess_held", "design_of", "predicted_at", "training_levels"]

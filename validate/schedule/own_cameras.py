@@ -11,11 +11,11 @@ from pss.noise import Calibration
 from render.renderer import random_stream, state_key
 from validate.acquire.acquire import Acquired
 from validate.bank.judge import scene_contenders
-from validate.hallway.process_noise import inverse_sigma, measured_inverse, predicted_inverse
-from validate.hallway.results import HEADLINE_KIND, KINDS, Curves, ScheduleResult
-from validate.hallway.study import Held, predicted_at
 from validate.points.configuration import measure_configuration
 from validate.points.measured_errors import MeasuredErrors
+from validate.schedule.held import Held, predicted_at
+from validate.schedule.process_noise import inverse_sigma, measured_inverse, predicted_inverse
+from validate.schedule.results import HEADLINE_KIND, KINDS, Curves, ScheduleResult
 from validate.sweeps.replicates import sweep_replicates
 
 __all__ = ["OwnCameras", "own_cameras"]

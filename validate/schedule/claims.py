@@ -16,9 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from validate.hallway.own_cameras import OwnCameras
-from validate.hallway.results import Curves, ScheduleResult
-from validate.hallway.runs import limit_name
+from validate.schedule.own_cameras import OwnCameras
+from validate.schedule.results import Curves, ScheduleResult
+from validate.schedule.runs import limit_name
 from validate.stats.intervals import interval, sample_interval
 
 __all__ = ["claim_rows"]

@@ -13,7 +13,7 @@ import numpy as np
 from pss import RangeError
 from render.renderer import random_stream
 from scenes.errors import nearest
-from validate.hallway.state import Assignment, StrategyState
+from validate.schedule.state import Assignment, StrategyState
 
 __all__ = [
     "STRATEGIES",

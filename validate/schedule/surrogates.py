@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pss import Box
 from pss.surrogates import Cylinder, Mesh, Surrogate, on_box, on_cylinder, on_mesh
 from render.world.state import SceneState
-from validate.hallway.state import Avatar
+from validate.schedule.state import Avatar
 
 __all__ = ["CYLINDER_RADIUS_M", "avatar_like"]
 

@@ -15,7 +15,7 @@ from scenes.people.avatar import Stance
 from scenes.people.gait import stride_of_speed
 from scenes.schema.avatar import AvatarSpec, stance_of
 from scenes.steps.schedule_file import ScheduleFile
-from validate.hallway.walk import Passing, passing
+from validate.schedule.walk import Passing, passing
 
 __all__ = ["BOTH", "Stage", "stage_of", "stance_in"]
 

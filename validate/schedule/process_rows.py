@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from validate.hallway.agreement import with_ends
-from validate.hallway.claims import CLOSER, FARTHER
-from validate.hallway.process_noise import alike_frame_rate_hz
-from validate.hallway.results import ScheduleResult
+from validate.schedule.agreement import with_ends
+from validate.schedule.claims import CLOSER, FARTHER
+from validate.schedule.process_noise import alike_frame_rate_hz
+from validate.schedule.results import ScheduleResult
 from validate.stats.intervals import weighted_spearman
 from validate.stats.series import spearman_difference_interval, spearman_interval
 

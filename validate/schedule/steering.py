@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from pss import PTZCamera, RangeError
 from pss.cameras.motors import follow, moved_towards, quantised
-from validate.hallway.state import Assignment, Plan, StrategyState
-from validate.hallway.strategies import Strategy
-from validate.hallway.tracker import Measure, Track, Tracking, noisy_positions
-from validate.hallway.walk import Passing
+from validate.schedule.state import Assignment, Plan, StrategyState
+from validate.schedule.strategies import Strategy
+from validate.schedule.tracker import Measure, Track, Tracking, noisy_positions
+from validate.schedule.walk import Passing
 
 __all__ = ["Steered", "steer"]
 

@@ -6,7 +6,7 @@ import importlib.util
 from pathlib import Path
 
 from pss import RangeError
-from validate.hallway.strategies import Strategy
+from validate.schedule.strategies import Strategy
 
 __all__ = ["own_strategy"]
 

@@ -11,12 +11,12 @@ from render.lens.sampling import Sampling
 from scenes import Scene
 from scenes.steps.schedule_file import MotorsSpec, ScheduleFile, TrackingSpec
 from validate.acquire.acquire import Acquisition, views_of
-from validate.hallway.stage import Stage
-from validate.hallway.state import Plan
-from validate.hallway.steering import Steered, steer
-from validate.hallway.strategies import Strategy, strategy_named
-from validate.hallway.surrogates import avatar_like
-from validate.hallway.tracker import Tracking
+from validate.schedule.stage import Stage
+from validate.schedule.state import Plan
+from validate.schedule.steering import Steered, steer
+from validate.schedule.strategies import Strategy, strategy_named
+from validate.schedule.surrogates import avatar_like
+from validate.schedule.tracker import Tracking
 
 __all__ = ["Run", "limit_name", "motor_limits", "plan_of", "steered_runs", "step_views", "strategies_of", "tracking_of"]
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from validate.hallway.results import KINDS, ScheduleResult
-from validate.hallway.runs import limit_name
+from validate.schedule.results import KINDS, ScheduleResult
+from validate.schedule.runs import limit_name
 from validate.stats.intervals import interval, sample_interval, weighted_spearman
 from validate.sweeps.rows import THRESHOLDS_MM
 

@@ -13,8 +13,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from validate.hallway.results import KINDS, ScheduleResult
-from validate.hallway.runs import limit_name
+from validate.schedule.results import KINDS, ScheduleResult
+from validate.schedule.runs import limit_name
 from validate.stats.intervals import weighted_spearman
 from validate.stats.series import (
     median_interval,

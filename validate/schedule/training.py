@@ -20,8 +20,6 @@ from render.renderer import random_stream, state_key
 from scenes import Scene
 from scenes.steps.schedule_file import ScheduleFile
 from validate.acquire.acquire import Acquired, Acquisition
-from validate.hallway.runs import step_views
-from validate.hallway.stage import Stage
 from validate.prediction.detection import DetectionTrials, detection_trials, fit_detection
 from validate.prediction.limits import limits_of_targets, whole_targets
 from validate.prediction.weights import (
@@ -32,6 +30,8 @@ from validate.prediction.weights import (
     model_covariance,
     pixel_moments,
 )
+from validate.schedule.runs import step_views
+from validate.schedule.stage import Stage
 
 __all__ = ["Training", "calibrate_hallway", "training_views"]
 
