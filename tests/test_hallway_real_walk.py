@@ -13,12 +13,12 @@ from render.renderer import random_stream, state_key
 from scenes import load_scene
 from scenes.steps.schedule_file import load_schedule
 from tests.test_hallway_study import LIMITS, acquired_of
-from validate.hallway import real_walk_files
-from validate.hallway.motion_misfit import motion_misfit
-from validate.hallway.real_walk import body_parts, gait_densities, real_walk_of, track_real_walk
-from validate.hallway.real_walk_files import torso_trajectories, write_real_walk
 from validate.schedule.stage import stage_of, stance_in
 from validate.store.folder import Store
+from validate.tracked_walk import files
+from validate.tracked_walk.files import torso_trajectories, write_real_walk
+from validate.tracked_walk.frames import body_parts, gait_densities, real_walk_of, track_real_walk
+from validate.tracked_walk.process_misfit import motion_misfit
 
 # Of a walk of 4 s.
 FRAMES = 25
@@ -129,7 +129,7 @@ def test_the_torso_is_where_it_is(tracked):
 
 def test_what_a_real_walk_leaves(tracked, tmp_path, monkeypatch):
     asked = []
-    monkeypatch.setattr(real_walk_files, "write_film", lambda path, frames, *rest: asked.append((path, rest[1:])))
+    monkeypatch.setattr(files, "write_film", lambda path, frames, *rest: asked.append((path, rest[1:])))
     write_real_walk(tmp_path, tracked, Store(tmp_path), 0, 0.1)
     assert asked == [(tmp_path / "figures" / "walk.webp", ("swap-to-closer", pytest.approx(6)))]
     for name in ("walk", "walk_consistency", "walk_misfit"):

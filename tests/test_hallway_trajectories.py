@@ -21,8 +21,8 @@ from scenes.markers.suit import PLACES, SUIT_KEYS, SUIT_SIZE, ids_on, suit_marke
 from scenes.people.avatar import Stance, avatar_frames
 from scenes.people.gait import stride_of_speed
 from scenes.schema.avatar import SuitSpec
-from validate.hallway.trajectories import body_poses, torso_pose, torso_reference_m, write_tum, write_walk
 from validate.store.folder import StoreError
+from validate.tracked_walk.trajectories import body_poses, torso_pose, torso_reference_m, write_tum, write_walk
 
 ROOT = Path(__file__).parents[1]
 HEIGHT_M = 1.75

@@ -9,9 +9,9 @@ import scipy.stats
 from pss import ConstantVelocity, RangeError, ShapeError
 from scenes import load_scene
 from scenes.markers.suit import SUIT_KEYS, SUIT_SIZE
-from validate.hallway.motion_misfit import misfit_rows, motion_misfit
-from validate.hallway.walk_consistency import consistency
-from validate.hallway.walk_filter import WalkTracks
+from validate.tracked_walk.consistency import consistency
+from validate.tracked_walk.filter import WalkTracks
+from validate.tracked_walk.process_misfit import misfit_rows, motion_misfit
 
 # Probability outside the band of a test; the seeds are fixed, so that a pass stays a pass.
 OUTSIDE_BAND = 1e-3

@@ -19,12 +19,12 @@ from pss import (
 )
 from pss.riccati.solve import posterior_covariance
 from pss.surrogates import Cylinder, on_cylinder
-from validate.hallway.walk_filter import WalkFiltering, track_walk
-from validate.hallway.walk_riccati import riccati_along
 from validate.schedule.state import Avatar, Plan
 from validate.schedule.steering import steer
 from validate.schedule.strategies import STRATEGIES
 from validate.schedule.walk import passing
+from validate.tracked_walk.filter import WalkFiltering, track_walk
+from validate.tracked_walk.riccati import riccati_along
 
 # Probability outside the χ² bands of a test, shared by the bands; the seeds are fixed, so that a pass stays a pass.
 OUTSIDE_BANDS = 0.01

@@ -16,9 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from pss.cameras.camera import as_points
 from pss.errors import RangeError, ShapeError
-from validate.hallway.walk_filter import WalkTracks
 from validate.stats.consistency import Consistency, crossed_mean, of_errors
 from validate.stats.ranking import Resamples
+from validate.tracked_walk.filter import WalkTracks
 
 __all__ = ["consistency", "group_masks"]
 

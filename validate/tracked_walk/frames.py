@@ -24,15 +24,15 @@ from scenes.markers.suit import ids_on
 from scenes.steps.schedule_file import ScheduleFile
 from validate.acquire.acquire import Acquired, Acquisition
 from validate.bank.judge import FULL_MODEL, scene_contenders
-from validate.hallway.motion_misfit import misfit_rows, motion_misfit
-from validate.hallway.walk_consistency import consistency
-from validate.hallway.walk_filter import WalkTracks, track_walk
-from validate.hallway.walk_riccati import riccati_along
 from validate.schedule.runs import plan_of, step_views, tracking_of
 from validate.schedule.stage import BOTH, Stage
 from validate.schedule.steering import Steered, steer
 from validate.schedule.strategies import Strategy, strategy_named
 from validate.schedule.walk import Passing
+from validate.tracked_walk.consistency import consistency
+from validate.tracked_walk.filter import WalkTracks, track_walk
+from validate.tracked_walk.process_misfit import misfit_rows, motion_misfit
+from validate.tracked_walk.riccati import riccati_along
 
 __all__ = [
     "RealWalk",

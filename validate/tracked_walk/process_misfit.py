@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pss import ConstantVelocity, ShapeError
 from pss.cameras.camera import as_points
-from validate.hallway.walk_consistency import group_masks
+from validate.tracked_walk.consistency import group_masks
 
 __all__ = ["misfit_rows", "motion_misfit"]
 

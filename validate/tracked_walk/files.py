@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from render.renderer import random_stream
 from validate.hallway.film import write_film
 from validate.hallway.picture import FilmFrame
-from validate.hallway.real_walk import TrackedWalk
-from validate.hallway.trajectories import Poses, body_poses, torso_pose, torso_reference_m, write_walk
 from validate.schedule.stage import stance_in
 from validate.store.folder import Store
 from validate.store.views import stored_view
 from validate.sweeps.rows import write_csv
+from validate.tracked_walk.frames import TrackedWalk
+from validate.tracked_walk.trajectories import Poses, body_poses, torso_pose, torso_reference_m, write_walk
 
 __all__ = ["film_frames", "torso_trajectories", "write_real_walk"]
 

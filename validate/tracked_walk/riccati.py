@@ -13,7 +13,7 @@ from pss.errors import RangeError, ShapeError
 from pss.processes.process import ProcessModel, require_positive
 from pss.processes.steady_state import SMALLEST_INFORMATION_RATIO, of_state
 from pss.riccati.solve import posterior_covariance, require_semidefinite
-from validate.hallway.walk_filter import STATES
+from validate.tracked_walk.filter import STATES
 
 __all__ = ["riccati_along"]
 

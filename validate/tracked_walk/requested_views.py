@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 from validate.acquire.acquire import Acquisition
 from validate.acquire.messages import RunMessages
-from validate.hallway.real_walk import RealWalk
 from validate.schedule.held import Design
 from validate.schedule.runs import Run
 from validate.schedule.training import Training
+from validate.tracked_walk.frames import RealWalk
 
 __all__ = ["Wanted"]
 

@@ -1,0 +1,1 @@
+"""The walk frame by frame: every marker tracked through motion-blurred frames."""
