@@ -124,7 +124,7 @@ def write_in_halves(patch: Any) -> None:
 def stand_in(patch: Any, workers: bool) -> None:
     """Have views drawn, by `patch(object, name, value)`; without `workers`, measured here and not shown in figures."""
     import validate.acquire.acquire as acquiring
-    from validate import figures
+    from validate.plots import sweep as figures
 
     solve = acquiring.solve_light
     patch(acquiring, "Renderer", DrawingRenderer)

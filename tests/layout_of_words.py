@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from numpy.typing import NDArray
 
-from validate.glyphs import glyph_runs
+from validate.plots.glyphs import glyph_runs
 
 __all__ = ["assert_words_are_legible", "drawable", "extents"]
 

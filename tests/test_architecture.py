@@ -108,7 +108,7 @@ def test_what_is_allowed_is_needed_and_has_a_reason():
 # (import, the one file of the packages that has it): what the file does for all others.
 ONE_DOOR = {
     ("rich.console", "validate/runs/console.py"): "prints words of users as they are, never as markup",
-    ("matplotlib.pyplot", "validate/drawing.py"): "draws words of users as they are, never as formulas",
+    ("matplotlib.pyplot", "validate/plots/drawing.py"): "draws words of users as they are, never as formulas",
 }
 
 

@@ -24,7 +24,7 @@ from render.light.radiosity import solve_radiosity
 from render.world.state import Light, Panel
 from scenes import load_scene
 from validate.check.command import main, run
-from validate.check.plan import plan_figure
+from validate.plots.plan import plan_figure
 from validate.prediction import foresight as module
 from validate.prediction.foresight import camera_rows, foresee, headline, marker_rows, model_rows
 from validate.prediction.warnings import warnings_of

@@ -22,11 +22,11 @@ from render.keys import light_code, random_stream, view_code
 from render.lens.sampling import Sampling
 from render.renderer import Renderer
 from render.sensor import capture
-from validate.figures import APART as FIGURES_APART
 from validate.markers.view_measurement import APART as MEASURE_APART
 from validate.markers.view_measurement import MeasureTask, _words_of, measure_capture, measure_code
 from validate.pixel_noise.laboratory import DICTIONARY, Factors, Pose, Setup
 from validate.pixel_noise.measure import pixel_noise_code
+from validate.plots.sweep import APART as FIGURES_APART
 
 CODES = {"view": view_code, "light": light_code, "measurement": measure_code, "pixel noise": pixel_noise_code}
 # Modules that run while a view is rendered and measured, and that no digest holds, with the reason.
@@ -237,10 +237,10 @@ def test_measurements_hang_on_nothing_that_shows_or_keeps_them():
 
 def test_figures_and_reports_hang_on_all_that_draws_them():
     """Helpers of other folders too; not on what renders, measures or keeps views."""
-    figures = code_of("validate.figures", apart=FIGURES_APART)
+    figures = code_of("validate.plots.sweep", apart=FIGURES_APART)
     report = code_of("validate.report.page", apart=FIGURES_APART)
     assert {
-        "validate.illustration",
+        "validate.plots.room3d",
         "validate.runs.table_text",
         "validate.sweeps.slopes",
         "validate.stats.stars",

@@ -15,7 +15,7 @@ from tests.made_up_run import made_up_run
 from tests.test_sweep_run import SCENE, SWEEP
 from validate.acquire.messages import RunMessages
 from validate.bank.design import BankDesign
-from validate.figures import draw_curves
+from validate.plots.sweep import draw_curves
 from validate.report.data import read_sweeps
 from validate.report.verdict import in_words
 from validate.run import Options, execute

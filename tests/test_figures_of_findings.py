@@ -5,13 +5,13 @@ from __future__ import annotations
 import pytest
 
 from tests.made_up_reference import write_reference
-from validate.drawing import plt
 from validate.findings.figures import drawings_of
 from validate.findings.forest import Axis, Mark, Panel, forest, power_of_ten
 from validate.findings.places import Place, places_of_reference
 from validate.findings.process_figure import headline_levels, process_curves, process_figure
 from validate.findings.sigma_figure import sigma_rows
 from validate.findings.size_figure import size_curves
+from validate.plots.drawing import plt
 
 
 @pytest.fixture(scope="module")

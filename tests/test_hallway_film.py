@@ -14,9 +14,9 @@ from PIL import Image
 
 from pss import PTZCamera, RangeError, ShapeError
 from render.world.state import Room
-from validate.figures import MODEL_COLOURS
-from validate.hallway.film import FILM_ENDINGS, write_film
-from validate.hallway.picture import PICTURE_PX, FilmFrame, draw_frame
+from validate.plots.film import FILM_ENDINGS, write_film
+from validate.plots.film_frame import PICTURE_PX, FilmFrame, draw_frame
+from validate.plots.sweep import MODEL_COLOURS
 from validate.store.folder import StoreError
 
 ROOM = Room(6.0, 10.0, 3.0, 0.6, 0.3, 0.75)
@@ -267,7 +267,7 @@ def test_a_film_has_its_frames_in_their_order(tmp_path, shown, ending):
 def test_each_picture_has_the_way_up_to_its_own_step(tmp_path, monkeypatch):
     ways = []
     monkeypatch.setattr(
-        "validate.hallway.film.draw_frame",
+        "validate.plots.film.draw_frame",
         lambda frame, room, strategy, walked: ways.append(walked) or np.full((720, 1280, 3), 50 * len(ways), np.uint8),
     )
     write_film(tmp_path / "film.webp", walk(), ROOM, "follow")

@@ -17,13 +17,13 @@ from scenes.steps.schedule_file import load_schedule
 from tests.layout_of_words import assert_words_are_legible
 from tests.made_up_schedule import STEPS, made_up_schedule
 from tests.test_report import SAME_DIGITS, Page
-from validate.glyphs import settle_words
 from validate.hallway.report.page import schedule_section
 from validate.hallway.report.steps import steps_of_design
 from validate.hallway.report.tables import read_schedule
 from validate.hallway.report.verdict import claims_in_brief
-from validate.print_figures.save import print_style
-from validate.print_figures.walk import walk_figure
+from validate.plots.glyphs import settle_words
+from validate.plots.paper_walk import walk_figure
+from validate.plots.print_style import print_style
 from validate.report.bodies import coarse
 from validate.report.command import remade
 from validate.report.data import KINDS

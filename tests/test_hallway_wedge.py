@@ -8,7 +8,7 @@ from matplotlib.path import Path as Outline
 
 from pss import PTZCamera
 from render.world.state import Room
-from validate.hallway.wedge import footprint_m, wedge_m
+from validate.plots.footprint import footprint_m, wedge_m
 
 ROOM = Room(6.0, 10.0, 3.0, 0.6, 0.3, 0.75)
 # A few roundings of metres, and of pixels at a focal length of thousands of them where a corner is close to the lens.

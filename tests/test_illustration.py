@@ -18,10 +18,10 @@ from pss import Box
 from scenes import load_scene
 from tests.layout_of_words import assert_words_are_legible, drawable
 from tests.predicted_result import predicted_result
-from validate.figures import draw_curves, shown_steps, sweep_figure, write_round_numbers
-from validate.glyphs import settle_words
-from validate.illustration import SOLIDS, draw_state
-from validate.projected import Eye, patches_of
+from validate.plots.glyphs import settle_words
+from validate.plots.projected import Eye, patches_of
+from validate.plots.room3d import SOLIDS, draw_state
+from validate.plots.sweep import draw_curves, shown_steps, sweep_figure, write_round_numbers
 from validate.stats.stars import star_heights
 
 SCENES = Path(__file__).parents[1] / "scenes"

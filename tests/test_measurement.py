@@ -21,7 +21,7 @@ from tests.predicted_result import predicted_result
 from tests.test_report import Page
 from tests.test_sweep_run import SCENE, SELECTION, SWEEP
 from validate import measure_command
-from validate.measurement_figure import draw_errors, measurement_figure
+from validate.plots.single_step import draw_errors, measurement_figure
 from validate.report.command import of_results
 from validate.report.data import read_sweeps
 from validate.report.measured import marker_rows, measured_in_words

@@ -11,7 +11,7 @@ import pytest
 
 from tests import made_up_run as made_up
 from tests.test_sweep_run import SCENE, SWEEP
-from validate.figures import draw_curves
+from validate.plots.sweep import draw_curves
 from validate.report.curves import curves_figure
 from validate.report.data import KINDS, read_sweeps
 from validate.report.verdict import in_words, verdicts

@@ -13,10 +13,10 @@ from matplotlib.text import Annotation, Text
 
 from scenes import load_scene
 from tests.layout_of_words import assert_words_are_legible, drawable, extents
-from validate.check.camera_table import MOST_BESIDE
-from validate.check.plan import plan_figure, write_plan
-from validate.glyphs import glyph_runs
-from validate.names_beside import shortened, width_of
+from validate.plots.camera_table import MOST_BESIDE
+from validate.plots.glyphs import glyph_runs
+from validate.plots.names_beside import shortened, width_of
+from validate.plots.plan import plan_figure, write_plan
 from validate.prediction.foresight import foresee
 
 ROOM = Path(__file__).parents[1] / "scenes" / "room.toml"
@@ -92,7 +92,7 @@ def test_a_letter_that_no_font_has_is_written_as_its_number(tmp_path, monkeypatc
     scene = around(2, lambda number: f"{WIDE[number]}{NO_FONT}")
     default = [font for font in matplotlib.font_manager.fontManager.ttflist if font.name.startswith("DejaVu")]
     monkeypatch.setattr(matplotlib.font_manager.fontManager, "ttflist", default)
-    from validate import glyphs
+    from validate.plots import glyphs
 
     glyphs._families_with.cache_clear()
     with warnings.catch_warnings():

@@ -24,10 +24,10 @@ from tests.made_up_run import made_up_run
 from tests.test_sweep_run import SCENE, SELECTION
 from tests.test_trends import RISING
 from validate.markers.view_measurement import ViewMeasurement
+from validate.plots.frusta import frustum
 from validate.report.budget import budget_columns
 from validate.report.command import of_results, remade
 from validate.report.data import KINDS, read_sweeps
-from validate.report.frusta import frustum
 from validate.report.images import BUDGET_BYTES, chosen_crops, pictures_of
 from validate.report.model_file import linear
 from validate.report.page import KIND_CHOICE, section_of

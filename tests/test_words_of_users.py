@@ -18,11 +18,10 @@ from tests.layout_of_words import drawable
 from tests.made_up_run import made_up_run
 from tests.test_report import Page
 from tests.test_sweep_run import SCENE, SELECTION, SWEEP
-from validate import figures
-from validate.bank import miscalibrated_figure
-from validate.check.plan import plan_figure
-from validate.glyphs import glyph_runs
-from validate.pixel_noise import figure as pixel_noise_figure
+from validate.plots import calibration_error, sweep
+from validate.plots import pixel_noise as pixel_noise_figure
+from validate.plots.glyphs import glyph_runs
+from validate.plots.plan import plan_figure
 from validate.prediction.foresight import foresee
 from validate.run_sweep import main
 from validate.runs.console import Console
@@ -87,8 +86,8 @@ def test_figures_have_the_title_as_it_is(made):
     title = "".join(words for _, words in glyph_runs(TITLE))
     assert title.startswith(" ".join(HOSTILE[:-1]))
     for figure, words in (
-        (figures.sweep_figure, title),
-        (figures.points_figure, f"{title}: single-frame error of each point"),
+        (sweep.sweep_figure, title),
+        (sweep.points_figure, f"{title}: single-frame error of each point"),
     ):
         assert words in [" ".join(drawn.split()) for drawn in drawn_words(figure(result))]
 
@@ -96,7 +95,7 @@ def test_figures_have_the_title_as_it_is(made):
 def test_every_figure_of_a_run_is_written(made):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        drawn = figures.draw_all(made.out, made.results[1:], made.store)
+        drawn = sweep.draw_all(made.out, made.results[1:], made.store)
     assert [path.name for path in drawn] == [f"{STEMS[1]}{suffix}.png" for suffix in FIGURES]
 
 
@@ -115,10 +114,10 @@ def test_logarithmic_axes_have_plain_numbers():
         {"module_px": x, "bound_sigma_px": 0.01 / x, "physical_sigma_px": 0.01 / x} | dict.fromkeys(columns, 0.01 / x)
         for x in (1.0, 10.0, 100.0)
     ]
-    figure, axes = figures.plt.subplots()
+    figure, axes = sweep.plt.subplots()
     pixel_noise_figure._noise(axes, rows, "module_px")
     assert not [words for words in drawn_words(figure) if "$" in words]
-    assert miscalibrated_figure.plt is figures.plt
+    assert calibration_error.plt is sweep.plt
 
 
 # ---- console -----------------------------------------------------------------------------------------------------

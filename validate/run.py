@@ -14,13 +14,13 @@ from pss.json_text import json_text
 from render import backend
 from render.lens.sampling import Sampling
 from scenes import Scene, SweepFile, known_sweeps
-from validate import figures
 from validate.acquire.acquire import Acquired, Acquisition, acquire, with_whole_views
 from validate.acquire.auto_exposure import with_exposures
 from validate.acquire.forecast import announce, exposures_assumed
 from validate.acquire.messages import RunMessages
 from validate.acquire.options import HERE, Scale
 from validate.acquire.quality_warnings import warn_of_darkness, warn_of_render_noise, warn_of_saturation
+from validate.plots import sweep as figures
 from validate.points.measured_errors import FEWEST_TRIALS
 from validate.prediction.own_metrics import failures_of
 from validate.report.command import REPORT, of_results, source_of_report, write_report

@@ -71,7 +71,7 @@ def run(
     for line in warnings_of(seen):
         errors.print(line, markup=False, style="yellow", highlight=False, soft_wrap=True)
     # Imported late: slow, and not wanted for a file with mistakes.
-    from validate.check.plan import write_plan
+    from validate.plots.plan import write_plan
 
     write_plan(drawing, seen)
     errors.print(f"drawn: {drawing}", markup=False, highlight=False, soft_wrap=True)

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from validate.drawing import plt
 from validate.findings.forest import FONT_PT, GRID, LINE_PT, SIGN_PT, WIDTH_IN, columns_for
+from validate.plots.drawing import plt
 
 __all__ = ["Curve", "draw_curves", "label_below", "legend_below", "panels_of"]
 

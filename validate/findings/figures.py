@@ -11,7 +11,6 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from validate.drawing import plt
 from validate.findings.contenders import Contender, contenders_in
 from validate.findings.detection_figure import detection_curves, detection_figure
 from validate.findings.forest import Axis, Mark, Panel, forest, mark_of, style
@@ -19,6 +18,7 @@ from validate.findings.places import COUNT, HEADLINE, SINGLE_FRAME, Place
 from validate.findings.process_figure import COUNTED_BY, SHARE, headline_levels, process_curves, process_figure
 from validate.findings.sigma_figure import SIGMA_AXIS, sigma_rows
 from validate.findings.size_figure import size_curves, size_figure
+from validate.plots.drawing import plt
 from validate.runs.csv_rows import Row, all_of, bounds, first_of
 from validate.store.folder import atomic_path
 

@@ -15,8 +15,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullFormatter, NullLocator
 from numpy.typing import ArrayLike, NDArray
 
-from validate.drawing import plt
 from validate.findings.contenders import Contender
+from validate.plots.drawing import plt
 from validate.runs.csv_rows import Row, bounds
 
 __all__ = ["INDENT", "Axis", "Mark", "Panel", "columns_for", "forest", "mark_of", "power_of_ten", "scale_axis", "style"]

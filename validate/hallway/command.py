@@ -230,9 +230,9 @@ def _run_of(runs: Sequence[Run], strategy: str) -> int | None:
 
 def _draw(folder: Path, result: ScheduleResult) -> None:
     # Imported late: slow, and a dry run draws nothing.
-    from validate.drawing import plt
-    from validate.glyphs import settle_words
-    from validate.hallway.figure import schedule_figure
+    from validate.plots.drawing import plt
+    from validate.plots.glyphs import settle_words
+    from validate.plots.schedule import schedule_figure
 
     figure = schedule_figure(result)
     settle_words(figure)

@@ -14,9 +14,9 @@ from pss.json_text import json_text
 from render import backend
 from validate.pixel_noise.design import make_plan
 from validate.pixel_noise.exponents import PowerLaw
-from validate.pixel_noise.figure import draw
 from validate.pixel_noise.measure import measure_all
 from validate.pixel_noise.rows import JOINT, exponent_rows, joint_law, level_rows, render_rows
+from validate.plots.pixel_noise import draw
 from validate.runs.console import Console
 from validate.runs.progress import ViewProgress, clock
 from validate.store.folder import write_text

@@ -81,7 +81,7 @@ def _make_all(
 def _static(
     number: int, out: Path, table: str | None, store: Store, chosen: backend.Backend, errors: Console, dry_run: bool
 ) -> list[Path]:
-    from validate.print_figures.static import SWEEPS, static_figure, static_rows
+    from validate.plots.paper_sweeps import SWEEPS, static_figure, static_rows
 
     sweep = load_sweep(SWEEPS[number])
     planned = plan(sweep, load_scene(sweep.scene_path), chosen.identity, Sampling(noise_ratio=sweep.render_noise_ratio))
@@ -97,7 +97,7 @@ def _walk(
     number: int, out: Path, table: str | None, store: Store, chosen: backend.Backend, errors: Console, dry_run: bool
 ) -> list[Path]:
     # Imported late: slow, and wanted for one figure alone.
-    from validate.print_figures.walk import walk_figure, walk_rows
+    from validate.plots.paper_walk import walk_figure, walk_rows
     from validate.schedule.held import assess_held, design_of, training_levels
     from validate.schedule.results import result_of
     from validate.schedule.runs import steered_runs
@@ -141,7 +141,7 @@ def _acquired(
 
 
 def _write(number: int, out: Path, table: str | None, draw: Callable[[], Figure], rows: Sequence[Row]) -> list[Path]:
-    from validate.print_figures.save import print_style, save
+    from validate.plots.print_style import print_style, save
 
     name = f"figure-{number}"
     with print_style():

@@ -21,8 +21,8 @@ from render.renderer import state_key
 from scenes import load_scene, load_sweep
 from validate.acquire.acquire import Acquisition, baked
 from validate.acquire.auto_exposure import with_exposures
-from validate.figures import APART
 from validate.markers.view_measurement import ViewMeasurement
+from validate.plots.sweep import APART
 from validate.points.configuration import predict
 from validate.report.data import read_sweeps
 from validate.report.files import REPORT, stored_measurements

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from validate.figures import AXIS_NAMES
+from validate.plots.sweep import AXIS_NAMES
 from validate.report.data import KINDS, MM, Curve, SweepTable
 from validate.report.style import INK, LOG_AXIS, NUMBERS, layout, line_at, model_style
 from validate.report.traces import Choice, Columns, Figure, plain, ref

@@ -15,9 +15,9 @@ import trimesh
 from numpy.typing import NDArray
 
 from render.world.geometry import plate_corners
+from validate.plots.frusta import frustum, room_corners
 from validate.report.bodies import object_meshes
 from validate.report.data import KINDS
-from validate.report.frusta import frustum, room_corners
 from validate.report.page import Section
 from validate.report.shades import plate_colours
 from validate.report.space import PLATE_MODULES

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from validate.plots.frusta import room_corners
 from validate.report.data import MM, SweepTable
-from validate.report.frusta import room_corners
 from validate.report.steps import Step
 from validate.report.style import GREY, INK, PURPLE_ORANGE, SCALE, layout
 from validate.report.traces import Choice, Columns, Figure, plain, ref

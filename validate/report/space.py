@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from pss import PTZCamera
 from render.world.geometry import plate_corners
 from render.world.state import SceneState
+from validate.plots.frusta import Frustum, frustum, room_corners
 from validate.report.bodies import MOST_FACES_DRAWN, object_meshes
 from validate.report.data import KINDS, MM, SweepTable
-from validate.report.frusta import Frustum, frustum, room_corners
 from validate.report.scene3d import GROUPS, IDLE, Group
 from validate.report.steps import Step
 from validate.report.traces import Columns, plain

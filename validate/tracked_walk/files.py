@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.renderer import random_stream
-from validate.hallway.film import write_film
-from validate.hallway.picture import FilmFrame
+from validate.plots.film import write_film
+from validate.plots.film_frame import FilmFrame
 from validate.schedule.stage import stance_in
 from validate.store.folder import Store
 from validate.store.views import stored_view

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from validate.figures import draw_curves
-from validate.illustration import draw_configuration, shared_colours
-from validate.print_figures.save import WIDTH_IN, for_print, print_colour_scale
+from validate.plots.print_style import WIDTH_IN, for_print, print_colour_scale
+from validate.plots.room3d import draw_configuration, shared_colours
+from validate.plots.sweep import draw_curves
 from validate.stats.intervals import interval
 from validate.sweeps.sweep import SweepResult
 

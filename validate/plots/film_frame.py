@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from pss import PTZCamera, RangeError, ShapeError
 from render.world.state import Room
-from validate.figures import MEASURED, MODEL_COLOURS
-from validate.glyphs import settle_words
-from validate.hallway.wedge import footprint_m, wedge_m
+from validate.plots.footprint import footprint_m, wedge_m
+from validate.plots.glyphs import settle_words
+from validate.plots.sweep import MEASURED, MODEL_COLOURS
 
 __all__ = ["PICTURE_PX", "FilmFrame", "draw_frame"]
 

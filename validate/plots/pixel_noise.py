@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullFormatter, NullLocator, ScalarFormatter
 from numpy.typing import NDArray
 
-from validate.drawing import plt
 from validate.pixel_noise.design import COMBINATIONS
+from validate.plots.drawing import plt
 from validate.store.folder import atomic_path
 
 __all__ = ["draw", "noise_figure"]

@@ -15,7 +15,7 @@ from pss import RangeError
 from pss.errors import MissingLibraryError
 from pss.processes.process import require_positive
 from render.world.state import Room
-from validate.hallway.picture import PICTURE_PX, FilmFrame, draw_frame
+from validate.plots.film_frame import PICTURE_PX, FilmFrame, draw_frame
 from validate.store.folder import atomic_path
 
 __all__ = ["FILM_ENDINGS", "FilmFrame", "draw_frame", "write_film"]

@@ -10,9 +10,9 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from validate.drawing import plt
-from validate.figure_style import MEASURED, MODEL_COLOURS, TITLE_WIDTH, write_round_numbers
-from validate.illustration import COLOUR_MAP, colour_scale, draw_configuration, shared_colours
+from validate.plots.drawing import plt
+from validate.plots.room3d import COLOUR_MAP, colour_scale, draw_configuration, shared_colours
+from validate.plots.style import MEASURED, MODEL_COLOURS, TITLE_WIDTH, write_round_numbers
 from validate.sweeps.sweep import SweepResult
 
 __all__ = ["draw_errors", "measurement_figure"]

@@ -21,11 +21,11 @@ from pss.surrogates import Mesh
 from render.world.geometry import plate_corners
 from render.world.state import SceneObject
 from scenes.schema.dictionaries import DICTIONARIES
-from validate.check.camera_table import MOST_BESIDE, camera_colour, draw_below, draw_beside, height_below_in
-from validate.glyphs import settle_words
-from validate.hallway.wedge import footprint_m
-from validate.illustration import COLOUR_MAP, colour_scale
-from validate.names_beside import Name, grouped, names_beside, width_of
+from validate.plots.camera_table import MOST_BESIDE, camera_colour, draw_below, draw_beside, height_below_in
+from validate.plots.footprint import footprint_m
+from validate.plots.glyphs import settle_words
+from validate.plots.names_beside import Name, grouped, names_beside, width_of
+from validate.plots.room3d import COLOUR_MAP, colour_scale
 from validate.prediction.foresight import ENOUGH, Foreseen, headline
 from validate.store.folder import atomic_path
 

@@ -12,8 +12,8 @@ from PIL import Image, ImageDraw, ImageFont
 
 from render.renderer import RenderedView
 from validate.acquire.acquire import Acquisition
-from validate.glyphs import glyph_runs
 from validate.markers.detect import find_markers
+from validate.plots.glyphs import glyph_runs
 from validate.store.folder import Store, atomic_path
 from validate.store.views import stored_view
 from validate.sweeps.sweep import SweepResult

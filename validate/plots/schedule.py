@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from validate.drawing import plt
-from validate.figures import MODEL_COLOURS
+from validate.plots.drawing import plt
+from validate.plots.sweep import MODEL_COLOURS
 from validate.schedule.held import FULL_MODEL
 from validate.schedule.results import KINDS, ScheduleResult
 from validate.schedule.runs import limit_name

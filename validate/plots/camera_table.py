@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
-from validate.figures import MODEL_COLOURS
-from validate.names_beside import shortened
+from validate.plots.names_beside import shortened
+from validate.plots.sweep import MODEL_COLOURS
 from validate.prediction.foresight import Foreseen
 
 __all__ = ["MOST_BESIDE", "camera_colour", "draw_below", "draw_beside", "height_below_in"]

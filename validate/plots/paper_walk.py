@@ -6,11 +6,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from validate.figures import MODEL_COLOURS
-from validate.hallway.figure import PANELS, draw_panel, key_lines
-from validate.illustration import SIGNS, draw_configuration, shared_colours
-from validate.print_figures.save import WIDTH_IN, for_print, print_colour_scale
-from validate.projected import Eye
+from validate.plots.print_style import WIDTH_IN, for_print, print_colour_scale
+from validate.plots.projected import Eye
+from validate.plots.room3d import SIGNS, draw_configuration, shared_colours
+from validate.plots.schedule import PANELS, draw_panel, key_lines
+from validate.plots.sweep import MODEL_COLOURS
 from validate.schedule.results import KINDS, ScheduleResult
 from validate.schedule.runs import limit_name
 from validate.stats.intervals import interval

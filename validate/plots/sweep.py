@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 
 from pss.json_text import json_text
 from render.code_digest import code_of
-from validate.contact_sheet import contact_sheet
-from validate.drawing import plt
-from validate.figure_style import MEASURED, MODEL_COLOURS, TITLE_WIDTH, write_round_numbers
-from validate.glyphs import settle_words
-from validate.illustration import colour_scale, draw_configuration, shared_colours
-from validate.measurement_figure import measurement_figure
-from validate.names_beside import shortened, width_of
+from validate.plots.contact_sheet import contact_sheet
+from validate.plots.drawing import plt
+from validate.plots.glyphs import settle_words
+from validate.plots.names_beside import shortened, width_of
+from validate.plots.room3d import colour_scale, draw_configuration, shared_colours
+from validate.plots.single_step import measurement_figure
+from validate.plots.style import MEASURED, MODEL_COLOURS, TITLE_WIDTH, write_round_numbers
 from validate.runs.file_names import FIGURES, figure_file
 from validate.runs.table_text import written
 from validate.stats.intervals import interval
@@ -85,7 +85,7 @@ NOT_SHOWN = ("timings.csv",)
 
 def source_of(folder: Path, results: Sequence[SweepResult]) -> str:
     """Hash of all that the figures of a run show: its tables, its files, and the code that draws them."""
-    digest = hashlib.sha256(code_of("validate.figures", apart=APART).digest.encode())
+    digest = hashlib.sha256(code_of("validate.plots.sweep", apart=APART).digest.encode())
     for table in sorted(folder.glob("*.csv")):
         if table.name not in NOT_SHOWN:
             digest.update(table.read_bytes())

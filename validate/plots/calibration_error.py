@@ -11,7 +11,7 @@ from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 from validate.bank.calibration_study import EACH_FRAME, FROZEN, IN_WEIGHTS, OVER, OWN, WITHIN
-from validate.drawing import plt
+from validate.plots.drawing import plt
 from validate.store.folder import atomic_path
 
 __all__ = ["draw"]
