@@ -224,7 +224,7 @@ def read_archive(path: Path) -> None:
 
 
 def read_table(path: Path) -> None:
-    from validate.report.columns import Columns
+    from validate.pages.columns import Columns
     from validate.runs.csv_file import number_in, read_csv, read_head
 
     rows = read_csv(path)

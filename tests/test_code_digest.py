@@ -85,7 +85,7 @@ def test_shifted_detections_are_other_measurements(tmp_path):
         ("pss/cameras/camera.py", True, True),
         # What shows results, or only predicts, invalidates nothing.
         ("validate/sweeps/rows.py", False, False),
-        ("validate/report/page.py", False, False),
+        ("validate/pages/section.py", False, False),
         ("validate/store/folder.py", False, False),
         ("validate/acquire/pool.py", False, False),
         ("pss/riccati/solve.py", False, False),
@@ -238,14 +238,14 @@ def test_measurements_hang_on_nothing_that_shows_or_keeps_them():
 def test_figures_and_reports_hang_on_all_that_draws_them():
     """Helpers of other folders too; not on what renders, measures or keeps views."""
     figures = code_of("validate.plots.sweep", apart=FIGURES_APART)
-    report = code_of("validate.report.page", apart=FIGURES_APART)
+    report = code_of("validate.pages.section", apart=FIGURES_APART)
     assert {
         "validate.plots.room3d",
         "validate.runs.table_text",
         "validate.sweeps.slopes",
         "validate.stats.stars",
     } <= set(figures.modules)
-    assert {"validate.report.curves", "validate.runs.csv_rows", "validate.runs.csv_file"} <= set(report.modules)
+    assert {"validate.pages.curves", "validate.runs.csv_rows", "validate.runs.csv_file"} <= set(report.modules)
     assert {"matplotlib", "numpy"} <= {name for name, _ in figures.libraries}
     assert {"plotly", "jinja2"} <= {name for name, _ in report.libraries}
     for code in (figures, report):

@@ -24,10 +24,10 @@ from validate.acquire.acquire import Acquired, Acquisition
 from validate.acquire.quality_warnings import warn_of_darkness
 from validate.check.command import run as check
 from validate.markers.darkness import light_words
+from validate.pages.data import read_sweeps
+from validate.pages.sentences import remarks
 from validate.prediction.foresight import camera_rows, foresee
 from validate.prediction.warnings import warnings_of
-from validate.report.data import read_sweeps
-from validate.report.verdict import remarks
 from validate.sweeps.rows import detection_rows
 from validate.sweeps.view_names import view_names
 

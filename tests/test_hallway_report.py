@@ -21,14 +21,14 @@ from validate.hallway.report.page import schedule_section
 from validate.hallway.report.steps import steps_of_design
 from validate.hallway.report.tables import read_schedule
 from validate.hallway.report.verdict import claims_in_brief
+from validate.pages.bodies import coarse
+from validate.pages.data import KINDS
+from validate.pages.figure import combinations, filled
+from validate.pages.section import KIND_CHOICE
 from validate.plots.glyphs import settle_words
 from validate.plots.paper_walk import walk_figure
 from validate.plots.print_style import print_style
-from validate.report.bodies import coarse
 from validate.report.command import remade
-from validate.report.data import KINDS
-from validate.report.page import KIND_CHOICE
-from validate.report.traces import combinations, filled
 from validate.store.folder import StoreError
 
 # Numbers of a figure have four digits.

@@ -21,13 +21,13 @@ from tests.predicted_result import predicted_result
 from tests.test_report import Page
 from tests.test_sweep_run import SCENE, SELECTION, SWEEP
 from validate import measure_command
+from validate.pages.data import read_sweeps
+from validate.pages.figure import combinations, filled
+from validate.pages.measured import marker_rows, measured_in_words
+from validate.pages.section import KIND_CHOICE, section_of
+from validate.pages.steps import steps_of_plan
 from validate.plots.single_step import draw_errors, measurement_figure
 from validate.report.command import of_results
-from validate.report.data import read_sweeps
-from validate.report.measured import marker_rows, measured_in_words
-from validate.report.page import KIND_CHOICE, section_of
-from validate.report.steps import steps_of_plan
-from validate.report.traces import combinations, filled
 from validate.run import Options
 from validate.run_sweep import main
 from validate.runs.input_files import load_measurement_of

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from validate.report.model_file import COLOUR_KEY, glb_of, linear
+from validate.pages.gltf import COLOUR_KEY, glb_of, linear
 
 # The darkest plate of the scale, and what glTF's linear values of it are, to the digits given.
 DARK, DARK_LINEAR, DIGITS = (68, 1, 84), (14.7, 0.1, 22.6), 0.05

@@ -11,10 +11,10 @@ import pytest
 
 from tests import made_up_run as made_up
 from tests.test_sweep_run import SCENE, SWEEP
+from validate.pages.curves import curves_figure
+from validate.pages.data import KINDS, read_sweeps
+from validate.pages.sentences import in_words, verdicts
 from validate.plots.sweep import draw_curves
-from validate.report.curves import curves_figure
-from validate.report.data import KINDS, read_sweeps
-from validate.report.verdict import in_words, verdicts
 from validate.runs.console import Console
 from validate.stats.optimum import optimum
 from validate.sweeps.claims import claim_rows

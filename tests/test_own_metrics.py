@@ -18,11 +18,11 @@ from scenes import load_scene
 from tests.made_up_run import made_up_run
 from tests.test_sweep_run import SCENE, SWEEP
 from validate.check.command import run as check
+from validate.pages.data import read_sweeps
 from validate.prediction import own_metrics
 from validate.prediction.foresight import foresee, model_rows
 from validate.prediction.own_metrics import best_step, failures_of
 from validate.prediction.warnings import warnings_of
-from validate.report.data import read_sweeps
 from validate.runs.console import Console
 from validate.sweeps.summary import show
 

@@ -24,19 +24,19 @@ from tests.made_up_run import made_up_run
 from tests.test_sweep_run import SCENE, SELECTION
 from tests.test_trends import RISING
 from validate.markers.view_measurement import ViewMeasurement
+from validate.pages.budget import budget_columns
+from validate.pages.data import KINDS, read_sweeps
+from validate.pages.figure import combinations, filled, only_changes, plain
+from validate.pages.gltf import linear
+from validate.pages.images import BUDGET_BYTES, chosen_crops, pictures_of
+from validate.pages.section import KIND_CHOICE, section_of
+from validate.pages.sentences import in_words, verdicts
+from validate.pages.shades import VIRIDIS
+from validate.pages.space import scene_columns
+from validate.pages.steps import sight_of, steps_of_plan
+from validate.pages.style import PURPLE_ORANGE, model_style, object_styles
 from validate.plots.frusta import frustum
-from validate.report.budget import budget_columns
 from validate.report.command import of_results, remade
-from validate.report.data import KINDS, read_sweeps
-from validate.report.images import BUDGET_BYTES, chosen_crops, pictures_of
-from validate.report.model_file import linear
-from validate.report.page import KIND_CHOICE, section_of
-from validate.report.shades import VIRIDIS
-from validate.report.space import scene_columns
-from validate.report.steps import sight_of, steps_of_plan
-from validate.report.style import PURPLE_ORANGE, model_style, object_styles
-from validate.report.traces import combinations, filled, only_changes, plain
-from validate.report.verdict import in_words, verdicts
 from validate.store.folder import StoreError
 from validate.sweeps.rows import write_csv
 
@@ -372,7 +372,7 @@ def test_pictures_shrink_to_the_budget(made, monkeypatch):
     large = pictures_of(steps, [], made.store)
     size = sum(len(uri) for view in large.views.values() for uri in view.values())
     assert size < BUDGET_BYTES
-    monkeypatch.setattr("validate.report.images.BUDGET_BYTES", 0.7 * size)
+    monkeypatch.setattr("validate.pages.images.BUDGET_BYTES", 0.7 * size)
     small = pictures_of(steps, [], made.store)
     assert small.width_px < large.width_px
     assert sum(len(uri) for view in small.views.values() for uri in view.values()) < 0.7 * size

@@ -16,7 +16,7 @@ import plotly.offline
 import pytest
 
 from tests.test_report import Page
-from validate.report.traces import combinations, filled
+from validate.pages.figure import combinations, filled
 from validate.side_by_side import page
 from validate.side_by_side.axes import ratio_ticks
 from validate.side_by_side.command import main

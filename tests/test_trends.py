@@ -16,10 +16,10 @@ from rich.console import Console
 from scenes import load_scene, load_sweep
 from tests.made_up_run import made_up_run
 from tests.test_sweep_run import SCENE, SWEEP
+from validate.pages.curves import curves_figure
+from validate.pages.data import KINDS, read_sweeps
+from validate.pages.sentences import in_words, verdicts
 from validate.plots.sweep import draw_curves
-from validate.report.curves import curves_figure
-from validate.report.data import KINDS, read_sweeps
-from validate.report.verdict import in_words, verdicts
 from validate.stats.flatness import EXCHANGES
 from validate.sweeps.claims import claim_rows
 from validate.sweeps.correlation import correlation_rows

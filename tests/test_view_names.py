@@ -9,7 +9,7 @@ import pytest
 from render.lens.sampling import Sampling
 from scenes import load_scene, load_sweep
 from tests.test_sweep_run import SCENE, SWEEP
-from validate.report.files import stored_measurements
+from validate.pages.stored import stored_measurements
 from validate.store.folder import Store, StoreError
 from validate.sweeps.sweep import plan
 from validate.sweeps.view_names import names_in_steps, view_name

@@ -22,15 +22,15 @@ from scenes import load_scene, load_sweep
 from validate.acquire.acquire import Acquisition, baked
 from validate.acquire.auto_exposure import with_exposures
 from validate.markers.view_measurement import ViewMeasurement
+from validate.pages.data import read_sweeps
+from validate.pages.gltf import write_models
+from validate.pages.images import pictures_of
+from validate.pages.named import Given
+from validate.pages.section import Section, html_of, section_of
+from validate.pages.steps import steps_of_plan
+from validate.pages.stored import REPORT, stored_measurements
 from validate.plots.sweep import APART
 from validate.points.configuration import predict
-from validate.report.data import read_sweeps
-from validate.report.files import REPORT, stored_measurements
-from validate.report.images import pictures_of
-from validate.report.model_file import write_models
-from validate.report.named import Given
-from validate.report.page import Section, html_of, section_of
-from validate.report.steps import steps_of_plan
 from validate.runs.folder_lock import alone_in
 from validate.runs.input_files import load_measurement_of
 from validate.runs.program import program_name
@@ -105,7 +105,7 @@ def _about(sweeps: Sequence[SweepForReport]) -> dict[str, str]:
 
 def source_of_report(figures_drawn_from: str) -> str:
     """Hash of all that a report shows, beside what a run's figures show: the code that makes it."""
-    code = code_of("validate.report.page", "validate.report.images", "validate.report.model_file", apart=APART)
+    code = code_of("validate.pages.section", "validate.pages.images", "validate.pages.gltf", apart=APART)
     digest = hashlib.sha256(f"{figures_drawn_from} {code.digest}".encode())
     for path in sorted((Path(__file__).parent / "templates").iterdir()):
         digest.update(path.read_bytes())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from validate.report.style import COLOURS, DASHES, INK, SYMBOLS
+from validate.pages.style import COLOURS, DASHES, INK, SYMBOLS
 from validate.stats.log_ticks import round_numbers
 
 __all__ = ["ratio_ticks", "side_style"]

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from validate.pages.figure import Choice, Columns, Figure, plain, ref
+from validate.pages.style import GREY, INK, layout
 from validate.plots.sweep import AXIS_NAMES
-from validate.report.style import GREY, INK, layout
-from validate.report.traces import Choice, Columns, Figure, plain, ref
 from validate.side_by_side.axes import ratio_ticks, side_style
 from validate.side_by_side.series import OWN, Group, Series, leading
 

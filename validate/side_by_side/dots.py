@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from validate.report.empty_rows import NO_ORDER, Sign, empty_row_words
-from validate.report.quality import METRIC_NAMES, YARDSTICK_NAMES
-from validate.report.style import GREY, LOG_AXIS, layout
-from validate.report.traces import Choice, Columns, Figure, plain, ref
+from validate.pages.empty_rows import NO_ORDER, Sign, empty_row_words
+from validate.pages.figure import Choice, Columns, Figure, plain, ref
+from validate.pages.quality import METRIC_NAMES, YARDSTICK_NAMES
+from validate.pages.style import GREY, LOG_AXIS, layout
 from validate.side_by_side.axes import side_style
 
 __all__ = ["Dots", "dots_figure"]

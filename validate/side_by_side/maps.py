@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from validate.report.style import PURPLE_ORANGE, layout
-from validate.report.traces import Choice, Columns, Figure, plain, ref
+from validate.pages.figure import Choice, Columns, Figure, plain, ref
+from validate.pages.style import PURPLE_ORANGE, layout
 from validate.side_by_side.rows import Quantity, matched
 from validate.side_by_side.runs import Side
 from validate.side_by_side.series import same_measurement

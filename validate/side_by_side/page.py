@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from validate.report.frame import rendered
-from validate.report.traces import Figure
+from validate.pages.figure import Figure
+from validate.pages.html import rendered
 from validate.side_by_side.axes import side_style
 from validate.side_by_side.curves import curves_figure, moved_figure, pair_choice
 from validate.side_by_side.dots import Dots, dots_figure

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from validate.hallway.report.tables import ScheduleTable
-from validate.report.data import KINDS, Kind
-from validate.report.style import INK, layout, line_at, model_style
-from validate.report.traces import Choice, Columns, Figure, plain, ref
+from validate.pages.data import KINDS, Kind
+from validate.pages.figure import Choice, Columns, Figure, plain, ref
+from validate.pages.style import INK, layout, line_at, model_style
 
 __all__ = ["walk_columns", "walk_figure"]
 

@@ -20,10 +20,10 @@ from validate.hallway.report.page import html_of_schedule, schedule_section
 from validate.hallway.report.steps import Different, different, steps_of_design
 from validate.hallway.report.tables import read_schedule
 from validate.markers.view_measurement import ViewMeasurement
-from validate.report.files import REPORT, stored_measurements
-from validate.report.images import pictures_of
-from validate.report.model_file import write_models
-from validate.report.named import Given
+from validate.pages.gltf import write_models
+from validate.pages.images import pictures_of
+from validate.pages.named import Given
+from validate.pages.stored import REPORT, stored_measurements
 from validate.runs.run_file import listed, needed, option
 from validate.schedule.held import MODELS, Design, design_of, predicted_at
 from validate.schedule.own_strategy import own_strategy

@@ -9,14 +9,15 @@ from typing import Any
 from validate.hallway.report import curves, ranking, verdict
 from validate.hallway.report.steps import Different, label_of
 from validate.hallway.report.tables import ScheduleTable
-from validate.report import budget, page, points, scene3d, space
-from validate.report.data import KINDS
-from validate.report.images import Pictures, chosen_crops
-from validate.report.page import Courses, Section
-from validate.report.scene3d import Group
-from validate.report.steps import Step
-from validate.report.traces import Choice
-from validate.report.verdict import claims
+from validate.pages import budget, points, scene3d, space
+from validate.pages import section as page
+from validate.pages.data import KINDS
+from validate.pages.figure import Choice
+from validate.pages.images import Pictures, chosen_crops
+from validate.pages.scene3d import Group
+from validate.pages.section import Courses, Section
+from validate.pages.sentences import claims
+from validate.pages.steps import Step
 from validate.runs.table_text import written
 
 __all__ = ["html_of_schedule", "schedule_section"]

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from validate.report.data import Kind, SweepTable, needed_tables, table_of
+from validate.pages.data import Kind, SweepTable, needed_tables, table_of
 from validate.runs.csv_file import number_in
 from validate.runs.csv_rows import Row, all_of
 from validate.schedule.stage import BOTH

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from validate.hallway.report.tables import KIND_NAMES, ScheduleTable, number
-from validate.report.columns import whole_number
-from validate.report.data import KINDS
-from validate.report.verdict import claims, rho_words, standing_of
+from validate.pages.columns import whole_number
+from validate.pages.data import KINDS
+from validate.pages.sentences import claims, rho_words, standing_of
 from validate.runs.csv_rows import Row, all_of
 from validate.schedule.agreement import ALL_RUNS
 

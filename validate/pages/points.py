@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from validate.report.curves import place
-from validate.report.data import KINDS, Kind, SweepTable
-from validate.report.steps import Step
-from validate.report.style import GREY, INK, LOG_AXIS, SCALE, layout, object_styles
-from validate.report.traces import Choice, Columns, Figure, plain, ref
+from validate.pages.curves import place
+from validate.pages.data import KINDS, Kind, SweepTable
+from validate.pages.figure import Choice, Columns, Figure, plain, ref
+from validate.pages.steps import Step
+from validate.pages.style import GREY, INK, LOG_AXIS, SCALE, layout, object_styles
 
 __all__ = ["point_columns", "points_figure"]
 

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from render.world.state import Room
-from validate.report.data import SweepTable
-from validate.report.shades import scales
-from validate.report.traces import Choice, Figure, ref
+from validate.pages.data import SweepTable
+from validate.pages.figure import Choice, Figure, ref
+from validate.pages.shades import scales
 
 __all__ = ["GROUPS", "IDLE", "Group", "fitted_camera", "scene_figure"]
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from validate.report.style import GREY
+from validate.pages.style import GREY
 
 __all__ = ["NO_ORDER", "Sign", "empty_row_words"]
 

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from validate.report.curves import place, step_axis
-from validate.report.data import SweepTable
-from validate.report.empty_rows import NO_ORDER, Sign, empty_row_words
-from validate.report.style import GREY, INK, LOG_AXIS, layout, line_at, model_style
-from validate.report.traces import Choice, Columns, Figure, plain, ref
+from validate.pages.curves import place, step_axis
+from validate.pages.data import SweepTable
+from validate.pages.empty_rows import NO_ORDER, Sign, empty_row_words
+from validate.pages.figure import Choice, Columns, Figure, plain, ref
+from validate.pages.style import GREY, INK, LOG_AXIS, layout, line_at, model_style
 from validate.sweeps.correlation import SHARES_UNDER_MM
 
 __all__ = ["leaderboard_figure", "nees_figure"]

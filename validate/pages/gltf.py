@@ -15,12 +15,12 @@ import trimesh
 from numpy.typing import NDArray
 
 from render.world.geometry import plate_corners
+from validate.pages.bodies import object_meshes
+from validate.pages.data import KINDS
+from validate.pages.section import Section
+from validate.pages.shades import plate_colours
+from validate.pages.space import PLATE_MODULES
 from validate.plots.frusta import frustum, room_corners
-from validate.report.bodies import object_meshes
-from validate.report.data import KINDS
-from validate.report.page import Section
-from validate.report.shades import plate_colours
-from validate.report.space import PLATE_MODULES
 from validate.runs.file_names import model_file
 from validate.store.folder import atomic_path
 

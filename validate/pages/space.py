@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from pss import PTZCamera
 from render.world.geometry import plate_corners
 from render.world.state import SceneState
+from validate.pages.bodies import MOST_FACES_DRAWN, object_meshes
+from validate.pages.data import KINDS, MM, SweepTable
+from validate.pages.figure import Columns, plain
+from validate.pages.scene3d import GROUPS, IDLE, Group
+from validate.pages.steps import Step
 from validate.plots.frusta import Frustum, frustum, room_corners
-from validate.report.bodies import MOST_FACES_DRAWN, object_meshes
-from validate.report.data import KINDS, MM, SweepTable
-from validate.report.scene3d import GROUPS, IDLE, Group
-from validate.report.steps import Step
-from validate.report.traces import Columns, plain
 
 __all__ = ["PLATE_MODULES", "scene_columns"]
 

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from validate.report.data import KINDS, SweepTable
-from validate.report.steps import Step
-from validate.report.style import GREY, INK, layout
-from validate.report.traces import Columns, Figure, plain, ref
+from validate.pages.data import KINDS, SweepTable
+from validate.pages.figure import Columns, Figure, plain, ref
+from validate.pages.steps import Step
+from validate.pages.style import GREY, INK, layout
 
 __all__ = ["Budget", "budget_columns", "budget_figure", "budget_terms", "visibility_columns", "visibility_figure"]
 

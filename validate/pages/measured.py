@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from validate.report.data import MM, SweepTable
-from validate.report.traces import Figure
+from validate.pages.data import MM, SweepTable
+from validate.pages.figure import Figure
 from validate.runs.csv_file import number_in
 from validate.runs.csv_rows import all_of
 from validate.runs.table_text import written

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from validate.pages.columns import Columns, check_counts, is_number, whole_number
 from validate.prediction.own_metrics import OWN_COLUMN
-from validate.report.columns import Columns, check_counts, is_number, whole_number
 from validate.runs.csv_file import number_in, read_csv
 from validate.runs.csv_rows import Row, all_of
 from validate.stats.optimum import FLAT, NO_OPTIMUM, optimum

@@ -21,10 +21,10 @@ from pss import PTZCamera
 from render.files.exr import ViewPlanes
 from render.sensor import expected_electrons
 from render.world.state import Marker, SceneState
-from validate.report.causes import causes
-from validate.report.space import PLATE_MODULES
-from validate.report.steps import Step
-from validate.report.traces import plain
+from validate.pages.causes import causes
+from validate.pages.figure import plain
+from validate.pages.space import PLATE_MODULES
+from validate.pages.steps import Step
 from validate.store.folder import Store
 from validate.store.views import stored_planes
 
@@ -60,7 +60,7 @@ class Crop:
     """A marker in a view: `kind` is "best", "worst" or "missed"; `side_px` of the square that is cut out.
 
     Attributes:
-        causes: of a missed one, what stands against its being found (`validate.report.causes`).
+        causes: of a missed one, what stands against its being found (`validate.pages.causes`).
     """
 
     kind: str

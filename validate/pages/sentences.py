@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pss.visibility.targets import LEAST_CONTRAST_OVER_NOISE
+from validate.pages.data import KINDS, Kind, SweepTable
 from validate.points.measured_errors import FEWEST_TRIALS
-from validate.report.data import KINDS, Kind, SweepTable
 from validate.runs.csv_rows import Row
 from validate.stats.optimum import FLAT
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from validate.report.data import KINDS, SweepTable
-from validate.report.style import PURPLE_ORANGE
-from validate.report.traces import Columns, plain
+from validate.pages.data import KINDS, SweepTable
+from validate.pages.figure import Columns, plain
+from validate.pages.style import PURPLE_ORANGE
 
 __all__ = ["VIRIDIS", "plate_colours", "scales"]
 

@@ -10,13 +10,13 @@ from typing import Any
 import jinja2
 import plotly.offline
 
-from validate.report import budget, causes, curves, measured, plan, points, quality, scene3d, space, verdict
-from validate.report.data import KINDS, MM, SweepTable
-from validate.report.frame import json_in_page
-from validate.report.images import LAYERS, MOST_BLUR_PX, Crop, Pictures, chosen_crops, overlay
-from validate.report.scene3d import GROUPS, Group
-from validate.report.steps import Step
-from validate.report.traces import Choice, Columns, Figure, only_changes
+from validate.pages import budget, causes, curves, measured, plan, points, quality, scene3d, sentences, space
+from validate.pages.data import KINDS, MM, SweepTable
+from validate.pages.figure import Choice, Columns, Figure, only_changes
+from validate.pages.html import json_in_page
+from validate.pages.images import LAYERS, MOST_BLUR_PX, Crop, Pictures, chosen_crops, overlay
+from validate.pages.scene3d import GROUPS, Group
+from validate.pages.steps import Step
 from validate.runs.table_text import written
 
 __all__ = ["KIND_CHOICE", "Courses", "Section", "html_of", "joined_columns", "page_of", "section_of", "words_of"]
@@ -164,14 +164,14 @@ def _words_of_sweep(section: Section) -> dict[str, Any]:
     table = section.table
     alone = measured.is_measurement(table)
     return {
-        "verdict": measured.measured_in_words(table) if alone else verdict.in_words(table),
-        "remarks": verdict.remarks(table),
-        "verdicts": [] if alone else verdict.verdicts(table),
+        "verdict": measured.measured_in_words(table) if alone else sentences.in_words(table),
+        "remarks": sentences.remarks(table),
+        "verdicts": [] if alone else sentences.verdicts(table),
         "ratios": measured.ratio_rows(table),
         "markers": measured.marker_rows(table) if alone else [],
         "leading": table.leading_model,
-        "claims": verdict.claims(table.claims),
-        "findings": verdict.findings(table),
+        "claims": sentences.claims(table.claims),
+        "findings": sentences.findings(table),
         "steps": [] if alone else _step_rows(table),
         "own": [f"{name}, {table.leading_model}" for name in table.own_metrics(table.leading_model)],
     }

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from validate.pages.data import MM, SweepTable
+from validate.pages.figure import Choice, Columns, Figure, plain, ref
+from validate.pages.steps import Step
+from validate.pages.style import GREY, INK, PURPLE_ORANGE, SCALE, layout
 from validate.plots.frusta import room_corners
-from validate.report.data import MM, SweepTable
-from validate.report.steps import Step
-from validate.report.style import GREY, INK, PURPLE_ORANGE, SCALE, layout
-from validate.report.traces import Choice, Columns, Figure, plain, ref
 from validate.stats.log_ticks import round_numbers
 
 __all__ = ["plan_figure"]
