@@ -13,7 +13,6 @@ from scenes import load_scene
 from scenes.steps.schedule_file import load_schedule
 from tests.made_up_run import CERTIFICATE, made_up_view
 from tests.test_hallway_study import acquired_of, levels_at
-from validate.hallway.report.files import of_schedule, write_schedule_report
 from validate.schedule.agreement import agreement_rows
 from validate.schedule.claims import claim_rows
 from validate.schedule.held import assess_held, design_of
@@ -24,6 +23,7 @@ from validate.schedule.runs import Run
 from validate.schedule.stage import BOTH, stage_of
 from validate.schedule.steering import Steered
 from validate.schedule.strategy_ranking import ranking_rows, strategy_rows
+from validate.schedule_pages.files import of_schedule, write_schedule_report
 from validate.store.folder import Store
 from validate.store.views import save_view
 from validate.sweeps.correlation import correlation_rows

@@ -22,7 +22,6 @@ from validate.acquire.messages import RunMessages
 from validate.acquire.options import HERE, Scale
 from validate.acquire.quality_warnings import warn_of_darkness, warn_of_render_noise, warn_of_saturation
 from validate.bank.judge import FREE_MODELS, check_models, judged, scene_contenders
-from validate.hallway.report.files import of_schedule, write_schedule_report
 from validate.run import check_folders, linked_views
 from validate.runs.console import Console
 from validate.runs.exit_codes import EXIT_DONE, EXIT_FAILED
@@ -41,6 +40,7 @@ from validate.schedule.runs import Run, steered_runs, strategies_of
 from validate.schedule.stage import BOTH, stage_of
 from validate.schedule.strategy_ranking import ranking_rows, strategy_rows
 from validate.schedule.training import calibrate_hallway, training_views
+from validate.schedule_pages.files import of_schedule, write_schedule_report
 from validate.store.folder import Store, atomic_path, write_text
 from validate.store.remote import open_store
 from validate.sweeps.correlation import correlation_rows

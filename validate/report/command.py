@@ -129,7 +129,7 @@ def remade(folder: Path, given: Given = NOTHING_GIVEN, strategy: Sequence[str] =
     said = _run_of(folder)
     if "schedule" in said:
         # Imported late: it builds on this package.
-        from validate.hallway.report.files import remade_schedule
+        from validate.schedule_pages.files import remade_schedule
 
         return remade_schedule(folder, said, given, strategy)
     options = said["options"]

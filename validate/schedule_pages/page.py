@@ -6,9 +6,6 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from validate.hallway.report import curves, ranking, verdict
-from validate.hallway.report.steps import Different, label_of
-from validate.hallway.report.tables import ScheduleTable
 from validate.pages import budget, points, scene3d, space
 from validate.pages import section as page
 from validate.pages.data import KINDS
@@ -19,6 +16,9 @@ from validate.pages.section import Courses, Section
 from validate.pages.sentences import claims
 from validate.pages.steps import Step
 from validate.runs.table_text import written
+from validate.schedule_pages import curves, ranking, sentences
+from validate.schedule_pages.steps import Different, label_of
+from validate.schedule_pages.tables import ScheduleTable
 
 __all__ = ["html_of_schedule", "schedule_section"]
 
@@ -89,7 +89,7 @@ def html_of_schedule(section: Section, table: ScheduleTable, pictures: Pictures,
     name = table.every.name
     words = {
         "verdict": "",
-        "remarks": verdict.remarks(table),
+        "remarks": sentences.remarks(table),
         "claims": claims(table.claims),
         "steps": _step_rows(table),
         "steering": table.steering,
@@ -101,11 +101,11 @@ def html_of_schedule(section: Section, table: ScheduleTable, pictures: Pictures,
         [words],
         pictures,
         about,
-        cards=verdict.cards(table),
-        brief=verdict.claims_in_brief(table),
+        cards=sentences.cards(table),
+        brief=sentences.claims_in_brief(table),
         leading=table.every.leading_model,
-        verdicts=verdict.verdict_rows(table),
-        rankings=verdict.ranking_rows(table),
+        verdicts=sentences.verdict_rows(table),
+        rankings=sentences.ranking_rows(table),
         limit_words="without a zoom limit" if table.first_limit == "none" else f"with the limit {table.first_limit}",
     )
 

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from validate.hallway.report.tables import ScheduleTable
 from validate.pages.data import KINDS, Kind
 from validate.pages.figure import Choice, Columns, Figure, plain, ref
 from validate.pages.style import INK, layout, line_at, model_style
+from validate.schedule_pages.tables import ScheduleTable
 
 __all__ = ["walk_columns", "walk_figure"]
 

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from validate.hallway.report.tables import KIND_NAMES, ScheduleTable, number
 from validate.pages.columns import whole_number
 from validate.pages.data import KINDS
 from validate.pages.sentences import claims, rho_words, standing_of
 from validate.runs.csv_rows import Row, all_of
 from validate.schedule.agreement import ALL_RUNS
+from validate.schedule_pages.tables import KIND_NAMES, ScheduleTable, number
 
 __all__ = ["cards", "claims_in_brief", "ranking_rows", "remarks", "verdict_rows"]
 

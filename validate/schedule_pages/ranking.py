@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from validate.hallway.report.tables import KIND_NAMES, ScheduleTable, number
 from validate.pages.empty_rows import Sign, empty_row_words
 from validate.pages.figure import Choice, Columns, Figure, plain, ref
 from validate.pages.style import GREY, INK, layout, model_style
 from validate.runs.csv_rows import Row, all_of
+from validate.schedule_pages.tables import KIND_NAMES, ScheduleTable, number
 
 __all__ = ["agreement_figure", "ranking_figure"]
 

@@ -16,9 +16,6 @@ from scenes import load_scene
 from scenes.steps.schedule_file import load_schedule
 from validate.acquire.acquire import Acquisition, baked
 from validate.bank.judge import scene_contenders
-from validate.hallway.report.page import html_of_schedule, schedule_section
-from validate.hallway.report.steps import Different, different, steps_of_design
-from validate.hallway.report.tables import read_schedule
 from validate.markers.view_measurement import ViewMeasurement
 from validate.pages.gltf import write_models
 from validate.pages.images import pictures_of
@@ -30,6 +27,9 @@ from validate.schedule.own_strategy import own_strategy
 from validate.schedule.results import ScheduleResult
 from validate.schedule.runs import limit_name, steered_runs
 from validate.schedule.stage import BOTH, stage_of
+from validate.schedule_pages.page import html_of_schedule, schedule_section
+from validate.schedule_pages.steps import Different, different, steps_of_design
+from validate.schedule_pages.tables import read_schedule
 from validate.store.folder import Store, StoreError, write_text
 from validate.store.remote import open_store
 
