@@ -238,9 +238,9 @@ def read_table(path: Path) -> None:
 
 
 def read_run_file(path: Path) -> None:
+    from validate.comparison.sides import Side
     from validate.report.command import _run_of
     from validate.runs.run_file import listed, needed, option
-    from validate.side_by_side.runs import Side
 
     assert Side("a", path.parent, {}).settings() is not None
     options = _run_of(path.parent)["options"]

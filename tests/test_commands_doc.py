@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from validate.command_line import COMMANDS
+from validate.comparison.matching import QUANTITIES
 from validate.run_sweep import main
-from validate.side_by_side.rows import QUANTITIES
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")

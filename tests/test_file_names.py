@@ -13,6 +13,8 @@ from pss import RangeError
 from tests.test_architecture import PACKAGES, modules
 from tests.test_side_by_side import a_run
 from validate.command_line import COMMANDS
+from validate.comparison.page import html_of
+from validate.comparison.sides import sides_of
 from validate.run_sweep import main
 from validate.runs.file_names import (
     FIGURES,
@@ -23,8 +25,6 @@ from validate.runs.file_names import (
     model_file,
     sweep_name,
 )
-from validate.side_by_side.page import html_of
-from validate.side_by_side.runs import sides_of
 from validate.sweeps.rows import write_csv
 
 ROOT = Path(__file__).parents[1]

@@ -8,8 +8,8 @@ import time
 import pytest
 
 from tests.test_side_by_side_page import LONG, a_run
-from validate.side_by_side.page import write_page
-from validate.side_by_side.runs import sides_of
+from validate.comparison.page import write_page
+from validate.comparison.sides import sides_of
 
 pytest.importorskip("selenium", reason="selenium is not installed")
 

@@ -16,15 +16,11 @@ import plotly.offline
 import pytest
 
 from tests.test_report import Page
-from validate.pages.figure import combinations, filled
-from validate.side_by_side import page
-from validate.side_by_side.axes import ratio_ticks
-from validate.side_by_side.command import main
-from validate.side_by_side.folded import left_out, settings_by_group
-from validate.side_by_side.rows import QUANTITIES, matched
-from validate.side_by_side.runs import sides_of
-from validate.side_by_side.series import OWN, groups_of
-from validate.side_by_side.verdict import (
+from validate.comparison import page
+from validate.comparison.axes import ratio_ticks
+from validate.comparison.folded_tables import left_out, settings_by_group
+from validate.comparison.matching import QUANTITIES, matched
+from validate.comparison.sentences import (
     Finding,
     headline,
     measured_findings,
@@ -32,6 +28,10 @@ from validate.side_by_side.verdict import (
     pooled,
     ranked_findings,
 )
+from validate.comparison.series import OWN, groups_of
+from validate.comparison.sides import sides_of
+from validate.pages.figure import combinations, filled
+from validate.side_by_side.command import main
 from validate.store.folder import StoreError
 from validate.sweeps.rows import write_csv
 

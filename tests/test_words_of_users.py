@@ -18,6 +18,8 @@ from tests.layout_of_words import drawable
 from tests.made_up_run import made_up_run
 from tests.test_report import Page
 from tests.test_sweep_run import SCENE, SELECTION, SWEEP
+from validate.comparison.page import html_of
+from validate.comparison.sides import sides_of
 from validate.plots import calibration_error, sweep
 from validate.plots import pixel_noise as pixel_noise_figure
 from validate.plots.glyphs import glyph_runs
@@ -29,8 +31,6 @@ from validate.runs.file_names import FIGURES
 from validate.runs.progress import ViewProgress
 from validate.runs.table_text import table_text
 from validate.side_by_side import command as comparison
-from validate.side_by_side.page import html_of
-from validate.side_by_side.runs import sides_of
 from validate.sweeps import summary
 
 # What Matplotlib, rich, HTML, Jinja, plotly, Python's formats, shells and terminals each read as something else.

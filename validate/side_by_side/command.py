@@ -10,13 +10,13 @@ from typing import Annotated, Literal
 import tyro
 from rich.table import Table
 
+from validate.comparison.cells import cells
+from validate.comparison.matching import QUANTITIES, Quantity, matched
+from validate.comparison.sides import Side, settings_rows, sides_of
 from validate.runs.console import Console
 from validate.runs.folder_lock import alone_in
 from validate.runs.program import program_name
 from validate.runs.table_text import table_text
-from validate.side_by_side.cells import cells
-from validate.side_by_side.rows import QUANTITIES, Quantity, matched
-from validate.side_by_side.runs import Side, settings_rows, sides_of
 from validate.store.folder import StoreError
 
 __all__ = ["compared", "main", "run"]
@@ -87,7 +87,7 @@ def run(
 
 def _page(sides: Sequence[Side], out: Path | None) -> Path:
     """The page, written; what draws it takes longer to import than a table to print."""
-    from validate.side_by_side.page import PAGE, write_page
+    from validate.comparison.page import PAGE, write_page
 
     path = out or PAGE
     with alone_in(path.parent):

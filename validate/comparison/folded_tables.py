@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from validate.side_by_side.cells import cells
-from validate.side_by_side.rows import QUANTITIES, matched
-from validate.side_by_side.runs import Side, settings_rows
+from validate.comparison.cells import cells
+from validate.comparison.matching import QUANTITIES, matched
+from validate.comparison.sides import Side, settings_rows
 
 __all__ = ["Folded", "Setting", "folded_tables", "left_out", "settings_by_group"]
 

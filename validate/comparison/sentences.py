@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from validate.side_by_side.cells import value_text
-from validate.side_by_side.rows import QUANTITIES, matched
-from validate.side_by_side.runs import Side
-from validate.side_by_side.series import Group, Series, leading, same_measurement
+from validate.comparison.cells import value_text
+from validate.comparison.matching import QUANTITIES, matched
+from validate.comparison.series import Group, Series, leading, same_measurement
+from validate.comparison.sides import Side
 
 __all__ = [
     "Finding",

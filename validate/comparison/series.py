@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from validate.side_by_side.rows import QUANTITIES, STEP, matched
-from validate.side_by_side.runs import Side
+from validate.comparison.matching import QUANTITIES, STEP, matched
+from validate.comparison.sides import Side
 
 __all__ = ["OWN", "PAIRS", "Group", "Pair", "Series", "groups_of", "leading", "same_measurement"]
 

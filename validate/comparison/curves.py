@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from validate.comparison.axes import ratio_ticks, side_style
+from validate.comparison.series import OWN, Group, Series, leading
 from validate.pages.figure import Choice, Columns, Figure, plain, ref
 from validate.pages.style import GREY, INK, layout
 from validate.plots.sweep import AXIS_NAMES
-from validate.side_by_side.axes import ratio_ticks, side_style
-from validate.side_by_side.series import OWN, Group, Series, leading
 
 __all__ = ["curves_figure", "moved_figure", "pair_choice"]
 

@@ -6,17 +6,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from validate.pages.figure import Figure
-from validate.pages.html import rendered
-from validate.side_by_side.axes import side_style
-from validate.side_by_side.curves import curves_figure, moved_figure, pair_choice
-from validate.side_by_side.dots import Dots, dots_figure
-from validate.side_by_side.folded import folded_tables, left_out, settings_by_group
-from validate.side_by_side.maps import map_figure
-from validate.side_by_side.rows import QUANTITIES, matched
-from validate.side_by_side.runs import Side
-from validate.side_by_side.series import Group, groups_of, same_measurement
-from validate.side_by_side.verdict import (
+from validate.comparison.axes import side_style
+from validate.comparison.curves import curves_figure, moved_figure, pair_choice
+from validate.comparison.dots import Dots, dots_figure
+from validate.comparison.folded_tables import folded_tables, left_out, settings_by_group
+from validate.comparison.maps import map_figure
+from validate.comparison.matching import QUANTITIES, matched
+from validate.comparison.sentences import (
     Finding,
     headline,
     measured_findings,
@@ -24,6 +20,10 @@ from validate.side_by_side.verdict import (
     moved_findings,
     ranked_findings,
 )
+from validate.comparison.series import Group, groups_of, same_measurement
+from validate.comparison.sides import Side
+from validate.pages.figure import Figure
+from validate.pages.html import rendered
 from validate.store.folder import write_text
 
 __all__ = ["PAGE", "html_of", "names_of", "write_page"]

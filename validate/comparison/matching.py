@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from validate.side_by_side.runs import Side
+from validate.comparison.sides import Side
 
 __all__ = ["QUANTITIES", "Quantity", "matched", "matched_rows", "separate"]
 

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from validate.comparison.matching import Quantity, matched
+from validate.comparison.series import same_measurement
+from validate.comparison.sides import Side
 from validate.pages.figure import Choice, Columns, Figure, plain, ref
 from validate.pages.style import PURPLE_ORANGE, layout
-from validate.side_by_side.rows import Quantity, matched
-from validate.side_by_side.runs import Side
-from validate.side_by_side.series import same_measurement
 
 __all__ = ["map_figure"]
 

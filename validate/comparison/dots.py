@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from validate.comparison.axes import side_style
 from validate.pages.empty_rows import NO_ORDER, Sign, empty_row_words
 from validate.pages.figure import Choice, Columns, Figure, plain, ref
 from validate.pages.quality import METRIC_NAMES, YARDSTICK_NAMES
 from validate.pages.style import GREY, LOG_AXIS, layout
-from validate.side_by_side.axes import side_style
 
 __all__ = ["Dots", "dots_figure"]
 
