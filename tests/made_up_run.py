@@ -11,8 +11,8 @@ from render.lens.sampling import Sampling
 from render.renderer import Certificate, RenderedView
 from scenes import load_scene, load_sweep
 from validate.acquire.acquire import Acquired, Acquisition
+from validate.commands.report import of_results, write_report
 from validate.markers.view_measurement import ViewMeasurement
-from validate.report.command import of_results, write_report
 from validate.store.folder import Store
 from validate.store.views import save_view
 from validate.sweeps import claims, correlation, optima, single_step

@@ -23,7 +23,7 @@ from render.light.estimated_light import estimated_irradiance
 from render.light.radiosity import solve_radiosity
 from render.world.state import Light, Panel
 from scenes import load_scene
-from validate.check.command import main, run
+from validate.commands.check import main, run
 from validate.plots.plan import plan_figure
 from validate.prediction import foresight as module
 from validate.prediction.foresight import camera_rows, foresee, headline, marker_rows, model_rows
@@ -211,7 +211,7 @@ def test_mistakes_are_said(tmp_path):
 def test_no_renderer_is_loaded(tmp_path):
     """In a process of its own: seconds, and no Mitsuba."""
     script = (
-        "import json, sys; from validate.check.command import main; "
+        "import json, sys; from validate.commands.check import main; "
         f"main(['bench', '--out', {str(tmp_path / 'plan.png')!r}, '--table', 'md']); "
         "print(json.dumps([name for name in ('mitsuba', 'drjit') if name in sys.modules]))"
     )

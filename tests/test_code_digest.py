@@ -232,7 +232,12 @@ def test_measurements_hang_on_nothing_that_shows_or_keeps_them():
         "validate.markers.marker_image",
         "validate.markers.view_measurement",
     } <= own
-    assert not own & {"validate.store.folder", "validate.sweeps.rows", "validate.run", "validate.runs.progress"}
+    assert not own & {
+        "validate.store.folder",
+        "validate.sweeps.rows",
+        "validate.commands.run",
+        "validate.runs.progress",
+    }
 
 
 def test_figures_and_reports_hang_on_all_that_draws_them():

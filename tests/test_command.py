@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from validate.acquire.options import Scale
-from validate.command_line import COMMANDS, OVERVIEW, misspelt
+from validate.commands.overview import COMMANDS, OVERVIEW, misspelt
 from validate.run_sweep import run_sweep
 
 ROOT = Path(__file__).parents[1]

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from validate.command_line import COMMANDS
+from validate.commands.overview import COMMANDS
 from validate.comparison.matching import QUANTITIES
 from validate.run_sweep import main
 

@@ -12,8 +12,8 @@ from pss import RangeError
 from pss.files import open_plain, read_toml
 from pss.surrogates import Mesh
 from tests.test_json_text import strict
+from validate.commands.run import _of_last_run
 from validate.pages.columns import Columns, check_counts, whole_number
-from validate.run import _of_last_run
 from validate.run_sweep import main
 from validate.runs.csv_file import number_in, read_csv, read_head
 from validate.runs.events import EVENTS, EventFile

@@ -22,7 +22,7 @@ from tests import made_up_run as made_up
 from tests.test_sweep_run import SCENE, SWEEP
 from validate.acquire.acquire import Acquired, Acquisition
 from validate.acquire.quality_warnings import warn_of_darkness
-from validate.check.command import run as check
+from validate.commands.check import run as check
 from validate.markers.darkness import light_words
 from validate.pages.data import read_sweeps
 from validate.pages.sentences import remarks

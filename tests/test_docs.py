@@ -29,7 +29,7 @@ from scenes import load_scene, load_sweep
 from tests.documents import BLOCKS, DOCS, PAGES, ROOT, shell_lines, toml_file
 from validate import run_sweep
 from validate.bank import judge
-from validate.command_line import COMMANDS
+from validate.commands.overview import COMMANDS
 from validate.sweeps import correlation
 
 # Pages whose Python needs what another test gives it.
@@ -231,7 +231,7 @@ SWEEPS = [line for line in shell_lines() if not quick(line) and "run_sweep.py" i
 @pytest.mark.parametrize("line", SWEEPS)
 def test_slow_commands_are_understood(line, monkeypatch):
     """Options exist and files load; the work itself is left out."""
-    from validate import run
+    from validate.commands import run
 
     monkeypatch.chdir(ROOT)
     begun = []

@@ -10,7 +10,7 @@ import os
 import pytest
 
 import validate.acquire.acquire as acquiring
-import validate.run
+import validate.commands.run
 from pss import RangeError
 from tests.test_store_views import ZOOMS, NoiseRenderer, wanted  # noqa: F401 (a fixture)
 from validate import run_sweep
@@ -155,7 +155,7 @@ def test_exceptions_are_the_last_event_and_the_exit_code(tmp_path, monkeypatch, 
         messages.start(tmp_path, "sweeps")
         raise error
 
-    monkeypatch.setattr(validate.run, "execute", execute)
+    monkeypatch.setattr(validate.commands.run, "execute", execute)
     assert run_sweep.main(["zoom"]) == code
     last = events(tmp_path)[-1]
     assert (last["event"], last["exit_code"]) == (event, code)

@@ -15,10 +15,10 @@ from tests.made_up_run import made_up_run
 from tests.test_sweep_run import SCENE, SWEEP
 from validate.acquire.messages import RunMessages
 from validate.bank.design import BankDesign
+from validate.commands.run import Options, execute
 from validate.pages.data import read_sweeps
 from validate.pages.sentences import in_words
 from validate.plots.sweep import draw_curves
-from validate.run import Options, execute
 from validate.runs.console import Console
 from validate.sweeps.correlation import correlation_rows
 from validate.sweeps.rows import configuration_rows

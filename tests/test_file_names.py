@@ -12,7 +12,7 @@ import pytest
 from pss import RangeError
 from tests.test_architecture import PACKAGES, modules
 from tests.test_side_by_side import a_run
-from validate.command_line import COMMANDS
+from validate.commands.overview import COMMANDS
 from validate.comparison.page import html_of
 from validate.comparison.sides import sides_of
 from validate.run_sweep import main

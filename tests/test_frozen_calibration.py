@@ -13,8 +13,8 @@ from scenes import load_scene
 from tests.test_hallway_study import acquired_of
 from validate import run_sweep
 from validate.bank import acquire as prepare
-from validate.bank import command
 from validate.bank.design import BankDesign, held_out_views
+from validate.commands import bank
 from validate.runs.csv_file import read_csv
 
 SCENES = Path(__file__).parents[1] / "scenes"
@@ -35,7 +35,7 @@ def judged(tmp_path, monkeypatch):
         return acquired_of([(load_scene(SCENES / "studio.toml"), list(items))])
 
     monkeypatch.setattr(prepare, "acquire", acquire)
-    monkeypatch.setattr(command, "COUNTS", (command.HEADLINE,))
+    monkeypatch.setattr(bank, "COUNTS", (bank.HEADLINE,))
 
     def judge(file, *more):
         wanted.clear()

@@ -26,8 +26,8 @@ from scenes import SceneError, load_scene
 from scenes.steps.schedule_file import SURROGATES, load_schedule
 from validate.acquire.acquire import Acquired
 from validate.bank.judge import PHYSICAL_WHOLE
-from validate.hallway import command
-from validate.hallway.command import own_strategy
+from validate.commands import schedule as command
+from validate.commands.schedule import own_strategy
 from validate.markers.view_measurement import ViewMeasurement
 from validate.schedule.agreement import ALL_RUNS, agreement_rows
 from validate.schedule.claims import claim_rows

@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 
 from tests.test_sweep_run import ALONE, DETERMINED, SCENE
+from validate.commands.store_upkeep import check, stored_files
 from validate.store.atomic import ABANDONED_S
 from validate.store.folder import Store
-from validate.store_upkeep import check, stored_files
 
 # Of the campaign: at random moments, and at steps between two things done to files, where nothing else would be hit.
 MOMENTS, STEPS = 30, 20

@@ -15,7 +15,7 @@ from validate.acquire.messages import RunMessages
 from validate.bank import acquire as prepare
 from validate.bank.acquire import acquire_banks, enough
 from validate.bank.design import BankDesign, held_out_views, training_views
-from validate.hallway import command
+from validate.commands import schedule
 from validate.runs.exit_codes import EXIT_DONE, EXIT_FAILED
 
 CAUSE = "ValueError: made to fail"
@@ -63,7 +63,7 @@ def _acquired(wanted, failed):
 @pytest.mark.parametrize("which", ["none", "of one run", "of every run"])
 def test_a_schedule_leaves_out_the_runs_that_need_a_failed_view(tmp_path, monkeypatch, capsys, which):
     """The other run's tables are there, and the exit code tells; a view that all need leaves none, and that is said."""
-    designs, design_of = [], command.design_of
+    designs, design_of = [], schedule.design_of
 
     def remembered(*arguments):
         designs.append(design_of(*arguments))
@@ -76,11 +76,11 @@ def test_a_schedule_leaves_out_the_runs_that_need_a_failed_view(tmp_path, monkey
         assert which == "none" or chosen_keys
         return _acquired(wanted, sorted(chosen_keys)[:1])
 
-    monkeypatch.setattr(command, "design_of", remembered)
-    monkeypatch.setattr(command, "acquire", acquire)
-    monkeypatch.setattr(command, "view_rows", lambda *_: [])  # asks for certificates, which no drawn view has
-    monkeypatch.setattr(command, "_draw", lambda *_: None)
-    code = command.run(
+    monkeypatch.setattr(schedule, "design_of", remembered)
+    monkeypatch.setattr(schedule, "acquire", acquire)
+    monkeypatch.setattr(schedule, "view_rows", lambda *_: [])  # asks for certificates, which no drawn view has
+    monkeypatch.setattr(schedule, "_draw", lambda *_: None)
+    code = schedule.run(
         out=tmp_path / "out", store=str(tmp_path / "store"), set=FEW, real_walk=False, quiet=True, report=False
     )
     printed = capsys.readouterr()

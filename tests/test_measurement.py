@@ -20,15 +20,15 @@ from tests.made_up_run import PIXEL_NOISE_PX, made_up_run
 from tests.predicted_result import predicted_result
 from tests.test_report import Page
 from tests.test_sweep_run import SCENE, SELECTION, SWEEP
-from validate import measure_command
+from validate.commands import measure
+from validate.commands.report import of_results
+from validate.commands.run import Options
 from validate.pages.data import read_sweeps
 from validate.pages.figure import combinations, filled
 from validate.pages.measured import marker_rows, measured_in_words
 from validate.pages.section import KIND_CHOICE, section_of
 from validate.pages.steps import steps_of_plan
 from validate.plots.single_step import draw_errors, measurement_figure
-from validate.report.command import of_results
-from validate.run import Options
 from validate.run_sweep import main
 from validate.runs.input_files import load_measurement_of
 from validate.stats.intervals import interval
@@ -238,7 +238,7 @@ def test_a_dry_run_of_the_command(closet, tmp_path, capsys):
     assert "7 views" in capsys.readouterr().out
     assert main(["measure", "rom", *arguments]) == 2
     assert 'did you mean "room"' in capsys.readouterr().err
-    assert measure_command.SCENES.name == "scenes"
+    assert measure.SCENES.name == "scenes"
 
 
 @pytest.mark.render

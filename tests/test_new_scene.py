@@ -10,7 +10,7 @@ from pss import RangeError
 from scenes import load_scene, load_sweep
 from scenes.schema.scene_tables import SceneSpec
 from scenes.steps.sweep_file import SweepSpec
-from validate.new_scene import main, write_new_scene
+from validate.commands.new_scene import main, write_new_scene
 from validate.store.folder import StoreError
 
 

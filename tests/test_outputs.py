@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-import validate.run
+import validate.commands.run
 from validate.acquire.messages import RunMessages
-from validate.run import Options, check_folders, execute, linked_views
+from validate.commands.run import Options, check_folders, execute, linked_views
 from validate.run_sweep import main
 from validate.runs.outputs import FOLDERS, check_outputs
 from validate.store.folder import Store, StoreError, write_text
@@ -45,7 +45,7 @@ def test_files_of_an_earlier_run_are_in_nobodys_way(tmp_path):
 
 
 def test_a_run_ends_before_it_renders(tmp_path, monkeypatch):
-    monkeypatch.setattr(validate.run, "acquire", lambda *all_of_it: pytest.fail("rendered"))
+    monkeypatch.setattr(validate.commands.run, "acquire", lambda *all_of_it: pytest.fail("rendered"))
     (tmp_path / "report.html").mkdir()
     with pytest.raises(StoreError, match=r"report\.html is a folder"), RunMessages(quiet=True) as messages:
         execute(Options(("zoom",), out=tmp_path, store=str(tmp_path / "store")), messages)

@@ -17,7 +17,7 @@ from pss.metric.table import Metric, MetricTable
 from scenes import load_scene
 from tests.made_up_run import made_up_run
 from tests.test_sweep_run import SCENE, SWEEP
-from validate.check.command import run as check
+from validate.commands.check import run as check
 from validate.pages.data import read_sweeps
 from validate.prediction import own_metrics
 from validate.prediction.foresight import foresee, model_rows

@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 from pss import RangeError
 from scenes import load_scene, load_sweep
 from tests.predicted_result import predicted_result
+from validate.commands.figures import run
 from validate.plots.paper_sweeps import ILLUSTRATED, SWEEPS, shown_steps, static_figure, static_rows
 from validate.plots.print_style import print_style, save
-from validate.print_figures.command import run
 
 ROOT = Path(__file__).parents[1]
 

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import pytest
 
-from validate.command_line import COMMANDS
+from validate.commands.overview import COMMANDS
 from validate.run_sweep import main
 from validate.runs.exit_codes import EXIT_CLOSED_PIPE, EXIT_CODES
 

@@ -23,6 +23,7 @@ from render.world.state import Room
 from tests.made_up_run import made_up_run
 from tests.test_sweep_run import SCENE, SELECTION
 from tests.test_trends import RISING
+from validate.commands.report import of_results, remade
 from validate.markers.view_measurement import ViewMeasurement
 from validate.pages.budget import budget_columns
 from validate.pages.data import KINDS, read_sweeps
@@ -36,7 +37,6 @@ from validate.pages.space import scene_columns
 from validate.pages.steps import sight_of, steps_of_plan
 from validate.pages.style import PURPLE_ORANGE, model_style, object_styles
 from validate.plots.frusta import frustum
-from validate.report.command import of_results, remade
 from validate.store.folder import StoreError
 from validate.sweeps.rows import write_csv
 

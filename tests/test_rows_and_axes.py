@@ -15,9 +15,9 @@ from tests.made_up_run import made_up_run
 from tests.made_up_schedule import made_up_schedule
 from tests.test_side_by_side_page import a_run
 from tests.test_sweep_run import SCENE, SELECTION, SWEEP
+from validate.commands.compare import main
 from validate.pages.empty_rows import NO_ORDER, Sign, empty_row_words
 from validate.pages.scene3d import EYE, fitted_camera
-from validate.side_by_side.command import main
 
 
 def figures_of(page):

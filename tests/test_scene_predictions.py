@@ -13,11 +13,11 @@ from pss.noise.calibrated import Calibration
 from pss.visibility.points import VISIBILITY_TESTS
 from pss.visibility.targets import TARGET_VISIBILITY
 from scenes import SceneError, load_scene
-from validate.bank.command import run as bank
 from validate.bank.judge import FREE_MODELS, asked_pairs, check_models, judged, scene_contenders
-from validate.bank.miscalibrated import without_effect
 from validate.bank.sensitivity import variants
-from validate.hallway.command import run as schedule
+from validate.commands.bank import run as bank
+from validate.commands.calibration_error import without_effect
+from validate.commands.schedule import run as schedule
 
 ROOT = Path(__file__).parents[1]
 CALIBRATION = Calibration.from_file(ROOT / "results" / "reference" / "bank" / "calibrated.toml")

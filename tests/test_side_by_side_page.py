@@ -16,6 +16,7 @@ import plotly.offline
 import pytest
 
 from tests.test_report import Page
+from validate.commands.compare import main
 from validate.comparison import page
 from validate.comparison.axes import ratio_ticks
 from validate.comparison.folded_tables import left_out, settings_by_group
@@ -31,7 +32,6 @@ from validate.comparison.sentences import (
 from validate.comparison.series import OWN, groups_of
 from validate.comparison.sides import sides_of
 from validate.pages.figure import combinations, filled
-from validate.side_by_side.command import main
 from validate.store.folder import StoreError
 from validate.sweeps.rows import write_csv
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from pss import RangeError
+from validate.commands.store import main as store_main
+from validate.commands.store_codes import codes_here
+from validate.commands.store_upkeep import bytes_of, prune_list, seconds_of, stored_files
 from validate.markers.view_measurement import measure_code
 from validate.run_sweep import main
 from validate.store.checksums import sum_path
 from validate.store.folder import Store, StoreError
-from validate.store_codes import codes_here
-from validate.store_command import main as store_main
-from validate.store_upkeep import bytes_of, prune_list, seconds_of, stored_files
 
 DAY_S = 86400.0
 

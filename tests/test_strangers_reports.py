@@ -10,8 +10,8 @@ import pytest
 import pss.files
 from scenes import load_sweep
 from tests.test_sweep_run import SCENE, SWEEP
+from validate.commands.report import main, remade
 from validate.pages.named import DEFAULT_STORE, Given
-from validate.report.command import main, remade
 from validate.store.folder import StoreError
 
 ADDRESS = "s3://somebody/collects/who-opens-this"

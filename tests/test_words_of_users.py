@@ -18,6 +18,7 @@ from tests.layout_of_words import drawable
 from tests.made_up_run import made_up_run
 from tests.test_report import Page
 from tests.test_sweep_run import SCENE, SELECTION, SWEEP
+from validate.commands import compare as comparison
 from validate.comparison.page import html_of
 from validate.comparison.sides import sides_of
 from validate.plots import calibration_error, sweep
@@ -30,7 +31,6 @@ from validate.runs.console import Console
 from validate.runs.file_names import FIGURES
 from validate.runs.progress import ViewProgress
 from validate.runs.table_text import table_text
-from validate.side_by_side import command as comparison
 from validate.sweeps import summary
 
 # What Matplotlib, rich, HTML, Jinja, plotly, Python's formats, shells and terminals each read as something else.

@@ -18,8 +18,8 @@ if __package__ in (None, ""):  # run as a script: the project's root is the pare
 
 import tyro
 
-from validate import command_line
 from validate.acquire.options import HERE, Scale
+from validate.commands import overview
 from validate.runs.exit_codes import EXIT_BROKEN, EXIT_CODES, EXIT_DONE, EXIT_INTERRUPTED, EXIT_MISTAKE
 from validate.runs.interruption import remember_interrupts
 from validate.runs.program import named_as_called, output_is_closed, program_name, version_line, with_quiet_end
@@ -70,7 +70,7 @@ def run_sweep(
         scale: where views are made (docs/scale.md).
     """
     from validate.acquire.messages import RunMessages
-    from validate.run import Options, execute
+    from validate.commands.run import Options, execute
 
     options = Options(
         sweeps, scene, out, store, trials, seed, set, variant, dry_run, allow_outside, quiet, scale, report
@@ -88,20 +88,20 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _main(arguments: list[str]) -> int:
-    if command_line.wants_overview(arguments):
-        print(named_as_called(command_line.OVERVIEW))
+    if overview.wants_overview(arguments):
+        print(named_as_called(overview.OVERVIEW))
         return EXIT_DONE
     if arguments == ["--version"]:
         print(version_line())
         return EXIT_DONE
-    if arguments and (said := command_line.misspelt(arguments[0])) is not None:
+    if arguments and (said := overview.misspelt(arguments[0])) is not None:
         print(f"{program_name()}: {said}", file=sys.stderr)
         return EXIT_MISTAKE
     try:
-        if command_line.wants_completion(arguments):
-            command_line.complete(arguments, run_sweep)
-        if arguments and arguments[0] in command_line.COMMANDS:
-            command = importlib.import_module(command_line.COMMANDS[arguments[0]])
+        if overview.wants_completion(arguments):
+            overview.complete(arguments, run_sweep)
+        if arguments and arguments[0] in overview.COMMANDS:
+            command = importlib.import_module(overview.COMMANDS[arguments[0]])
             return int(command.main(arguments[1:]))
         return tyro.cli(run_sweep, prog=program_name(), description=named_as_called(DESCRIPTION), args=arguments)
     except KeyboardInterrupt:

@@ -20,10 +20,10 @@ from validate.acquire.forecast import announce, exposures_assumed
 from validate.acquire.messages import RunMessages
 from validate.acquire.options import HERE, Scale
 from validate.acquire.quality_warnings import warn_of_darkness, warn_of_render_noise, warn_of_saturation
+from validate.commands.report import REPORT, of_results, source_of_report, write_report
 from validate.plots import sweep as figures
 from validate.points.measured_errors import FEWEST_TRIALS
 from validate.prediction.own_metrics import failures_of
-from validate.report.command import REPORT, of_results, source_of_report, write_report
 from validate.runs.exit_codes import EXIT_DONE, EXIT_FAILED
 from validate.runs.file_names import check_default_folder, check_names, sweep_name
 from validate.runs.input_files import load_measurement_of, load_sweeps

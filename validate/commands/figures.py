@@ -16,7 +16,7 @@ from render.lens.sampling import Sampling
 from scenes import load_scene, load_sweep
 from scenes.steps.schedule_file import load_schedule
 from validate.acquire.acquire import Acquired, Acquisition, acquire
-from validate.run import check_folders
+from validate.commands.run import check_folders
 from validate.runs.console import Console
 from validate.runs.folder_lock import alone_in
 from validate.runs.program import program_name

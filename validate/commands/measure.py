@@ -52,7 +52,7 @@ def run(
     """
     from scenes.reading.document import named_file
     from validate.acquire.messages import RunMessages
-    from validate.run import Options, execute
+    from validate.commands.run import Options, execute
 
     path = named_file(scene, SCENES, "scene")
     options = Options(

@@ -31,8 +31,8 @@ def run(
     import sys
 
     from pss import RangeError
-    from validate.pixel_noise.report import make
-    from validate.run import check_folders
+    from validate.commands.pixel_noise_run import make
+    from validate.commands.run import check_folders
     from validate.runs.console import Console
     from validate.runs.folder_lock import alone_in
 

@@ -24,8 +24,8 @@ from validate.bank.calibration_predicted import Predictions
 from validate.bank.calibration_study import IN_WEIGHTS, OWN, study
 from validate.bank.design import BankDesign, ViewBank, draw_configurations, held_out_views, training_views
 from validate.bank.judge import appearance_of, data_of, noise_models, visibilities
+from validate.commands.run import check_folders
 from validate.plots.calibration_error import draw
-from validate.run import check_folders
 from validate.runs.console import Console
 from validate.runs.exit_codes import EXIT_DONE, EXIT_FAILED
 from validate.runs.program import program_name

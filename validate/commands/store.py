@@ -14,13 +14,7 @@ from typing import Annotated
 import tyro
 
 from render.keys import light_code, view_code
-from validate.markers.view_measurement import measure_code
-from validate.pixel_noise.measure import pixel_noise_code
-from validate.runs.program import program_name
-from validate.store.checksums import read_sums
-from validate.store.folder import DAMAGED, Store, StoreError
-from validate.store.remote import open_store
-from validate.store_upkeep import (
+from validate.commands.store_upkeep import (
     Stored,
     bytes_of,
     check,
@@ -31,6 +25,12 @@ from validate.store_upkeep import (
     stored_files,
     used_views,
 )
+from validate.markers.view_measurement import measure_code
+from validate.pixel_noise.measure import pixel_noise_code
+from validate.runs.program import program_name
+from validate.store.checksums import read_sums
+from validate.store.folder import DAMAGED, Store, StoreError
+from validate.store.remote import open_store
 
 __all__ = ["main"]
 

@@ -16,17 +16,17 @@ import tyro
 __all__ = ["COMMANDS", "OVERVIEW", "complete", "misspelt", "wants_completion", "wants_overview"]
 
 COMMANDS = {
-    "bank": "validate.bank.command",
-    "calibration-error": "validate.bank.miscalibrated",
-    "check": "validate.check.command",
-    "compare": "validate.side_by_side.command",
-    "figures": "validate.print_figures.command",
-    "measure": "validate.measure_command",
-    "new-scene": "validate.new_scene",
-    "pixel-noise": "validate.pixel_noise.command",
-    "report": "validate.report.command",
-    "schedule": "validate.hallway.command",
-    "store": "validate.store_command",
+    "bank": "validate.commands.bank",
+    "calibration-error": "validate.commands.calibration_error",
+    "check": "validate.commands.check",
+    "compare": "validate.commands.compare",
+    "figures": "validate.commands.figures",
+    "measure": "validate.commands.measure",
+    "new-scene": "validate.commands.new_scene",
+    "pixel-noise": "validate.commands.pixel_noise",
+    "report": "validate.commands.report",
+    "schedule": "validate.commands.schedule",
+    "store": "validate.commands.store",
 }
 """Words in a sweep's place that are commands of their own; each module has a `main(arguments) -> exit code`."""
 

@@ -46,10 +46,10 @@ from validate.bank.leaderboard import leaderboard
 from validate.bank.process_noise import process_levels, process_rows
 from validate.bank.sensitivity import scale_rows, sensitivity_rows
 from validate.bank.size_bins import size_rows
+from validate.commands.run import check_folders
 from validate.findings.bank import bank_findings
 from validate.prediction.frozen import FrozenCalibration, leave, provenance_of, read_frozen
 from validate.prediction.process_levels import Level
-from validate.run import check_folders
 from validate.runs.console import Console
 from validate.runs.csv_rows import read_tables
 from validate.runs.exit_codes import EXIT_DONE, EXIT_FAILED

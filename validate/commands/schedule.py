@@ -22,7 +22,7 @@ from validate.acquire.messages import RunMessages
 from validate.acquire.options import HERE, Scale
 from validate.acquire.quality_warnings import warn_of_darkness, warn_of_render_noise, warn_of_saturation
 from validate.bank.judge import FREE_MODELS, check_models, judged, scene_contenders
-from validate.run import check_folders, linked_views
+from validate.commands.run import check_folders, linked_views
 from validate.runs.console import Console
 from validate.runs.exit_codes import EXIT_DONE, EXIT_FAILED
 from validate.runs.program import program_name
