@@ -1,10 +1,10 @@
 """What registration errs without noise in a bank's views, beside `physical`: `python benchmarks/bias_of_views.py`.
 
-Markers of the room's held-out views are drawn exactly (`validate/exact_drawing.py`), with their electrons and in focus,
-but without noise and without the renderer, and registered from corners that are half a pixel off. Bias is in px per
-axis. `1 + b'R⁻¹b/2` is what NEES/2 of pixels would be if the `physical` R held for the noise and nothing else erred;
-with a floor, the same for R + floor² and noise of R. Perspective is how much the scale of the image changes over a
-plate.
+Markers of the room's held-out views are drawn exactly (`tests/helpers/exact_drawing.py`), with their electrons and in
+focus, but without noise and without the renderer, and registered from corners that are half a pixel off. Bias is in px
+per axis. `1 + b'R⁻¹b/2` is what NEES/2 of pixels would be if the `physical` R held for the noise and nothing else
+erred; with a floor, the same for R + floor² and noise of R. Perspective is how much the scale of the image changes over
+a plate.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from pss.visibility.targets import WholeTarget, blur_modules, narrow_side_px
 from render.light.estimated_light import estimated_appearance
 from render.world.state import Marker
 from scenes import Scene, load_scene
+from tests.helpers.exact_drawing import draw_exactly
 from validate.bank.design import BankDesign, held_out_views
-from validate.exact_drawing import draw_exactly
 from validate.markers.localise import Localised, register
 from validate.prediction.foresight import LARGEST_BLUR_MODULES, SMALLEST_MODULE_PX
 

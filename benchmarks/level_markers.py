@@ -1,9 +1,9 @@
 """Bias and stated σ by in-plane angle and module size, without the renderer: `python benchmarks/level_markers.py`.
 
-Markers are drawn exactly (`validate/exact_drawing.py`) at random places within a pixel, and registered from corners
-that are half a pixel off. Bias: RMS per axis without noise, at each whole degree of a group, in focus and out of it.
-NEES/2: mean squared error of noisy captures over the covariance that each one states, per axis; 1 where it is right.
-`--against CHECKOUT` prints the time of a registration over that of another checkout of the project, in turns.
+Markers are drawn exactly (`tests/helpers/exact_drawing.py`) at random places within a pixel, and registered from
+corners that are half a pixel off. Bias: RMS per axis without noise, at each whole degree of a group, in focus and out
+of it. NEES/2: mean squared error of noisy captures over the covariance that each one states, per axis; 1 where it is
+right. `--against CHECKOUT` prints the time of a registration over that of another checkout of the project, in turns.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def placed(px: float, angle_deg: float, disc_px: float, rng: np.random.Generator
 def drawing(px: float, angle_deg: float, disc_px: float, rng: np.random.Generator):
     """Share of white in each pixel of a marker, its number, its homography, and its corners as a detector's."""
     # Not at hand in an older checkout, which is timed alone.
-    from validate.exact_drawing import draw_exactly
+    from tests.helpers.exact_drawing import draw_exactly
 
     homography, side = placed(px, angle_deg, disc_px, rng)
     marker = int(rng.integers(MARKERS))

@@ -10,8 +10,8 @@ from scipy.special import ndtr
 
 from pss import ImageSensor
 from render.world.marker_print import pattern
+from tests.helpers.exact_drawing import draw_exactly
 from tests.synthetic import DICTIONARY, SENSOR, homography
-from validate.exact_drawing import draw_exactly
 from validate.markers.blurred_step import blurred_steps, reach
 from validate.markers.cramer_rao import centre_bound, draw_finely, fisher_information, pixel_sums
 from validate.markers.marker_image import MarkerImage

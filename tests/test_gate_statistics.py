@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pss.errors import RangeError, ShapeError
-from validate.gate import FEWEST_CONFIGURATIONS, Claim, format_claims, judge
+from tests.gate.gate import FEWEST_CONFIGURATIONS, Claim, format_claims, judge
 from validate.stats.intervals import weighted_spearman
 
 BOUND = 0.5

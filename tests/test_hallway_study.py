@@ -438,7 +438,7 @@ def test_levels_are_predicted_as_by_an_evaluation_of_their_own(both, held):
 
 
 def test_levels_are_measured_as_by_a_simulated_filter(both):
-    """Second moments that are solved for, and the simulation of `validate.points.static_filter` at the schedule's process."""
+    """Second moments that are solved for, and those of `validate.points.static_filter`, at the schedule's process."""
     simulated = np.array([a.measured.inverse_filter_sigma for a in both.assessments])
     solved = both.level_terms("", 0)
     seen = simulated > 0

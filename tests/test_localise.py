@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from render.sensor import capture
+from tests.helpers.exact_drawing import draw_exactly
 from tests.synthetic import DICTIONARY, SENSOR, corners, homography, marker_electrons
-from validate.exact_drawing import draw_exactly
 from validate.markers.cramer_rao import centre_bound, draw_finely, pixel_sums
 from validate.markers.localise import Refusal, localise, register
 

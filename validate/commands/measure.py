@@ -12,7 +12,7 @@ from validate.runs.program import program_name
 
 __all__ = ["main", "run"]
 
-SCENES = Path(__file__).parents[1] / "scenes"
+SCENES = Path(__file__).parents[2] / "scenes"
 
 
 def run(

@@ -18,7 +18,7 @@ from validate.store.folder import StoreError, write_text
 
 __all__ = ["main", "write_new_scene"]
 
-TEMPLATES = Path(__file__).parents[1] / "scenes" / "templates"
+TEMPLATES = Path(__file__).parents[2] / "scenes" / "templates"
 # Stands for the scene's name in the templates.
 PLACEHOLDER = "NAME"
 # A file's name on any system, and no path.

@@ -54,7 +54,7 @@ Examples:
   run_sweep.py new-scene my-room, then: run_sweep.py check my-room.toml
 
 Exit: 0 done, 1 with failed views, 2 a mistake, 70 ours, 130 interrupted, 141 unread: docs/runs.md"""
-SWEEPS = Path(__file__).parents[1] / "scenes" / "sweeps"
+SWEEPS = Path(__file__).parents[2] / "scenes" / "sweeps"
 COMPLETION = ("--tyro-print-completion", "--tyro-write-completion")
 # In every other command's module the function behind it is `run`.
 WITH_COMMANDS_OF_ITS_OWN = "store"

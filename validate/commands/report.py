@@ -107,7 +107,7 @@ def source_of_report(figures_drawn_from: str) -> str:
     """Hash of all that a report shows, beside what a run's figures show: the code that makes it."""
     code = code_of("validate.pages.section", "validate.pages.images", "validate.pages.gltf", apart=APART)
     digest = hashlib.sha256(f"{figures_drawn_from} {code.digest}".encode())
-    for path in sorted((Path(__file__).parent / "templates").iterdir()):
+    for path in sorted((Path(__file__).parents[1] / "pages" / "templates").iterdir()):
         digest.update(path.read_bytes())
     return digest.hexdigest()[:24]
 

@@ -1,0 +1,1 @@
+"""The correlation gate of `make test`: a small bank of views, judged."""
