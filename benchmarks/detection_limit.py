@@ -20,7 +20,7 @@ import numpy as np
 from pss import ImageSensor
 from render.sensor import capture
 from render.world.marker_print import predefined_dictionary
-from tests.synthetic import DICTIONARY, homography, marker_electrons
+from tests.helpers.synthetic import DICTIONARY, homography, marker_electrons
 from validate.markers.detect import find_markers
 
 MODULES_PX = (4.0, 6.0, 10.0)

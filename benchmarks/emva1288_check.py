@@ -2,8 +2,8 @@
 
     python benchmarks/emva1288_check.py --official ../emva/bin/python
 
-Our estimator is `tests/photon_transfer.py`. The standard's reference package (`emva1288` 1.0.2) needs a numpy that
-still has `np.int`, so it runs in an environment of its own, whose interpreter `--official` names:
+Our estimator is `tests/helpers/photon_transfer.py`. The standard's reference package (`emva1288` 1.0.2) needs a numpy
+that still has `np.int`, so it runs in an environment of its own, whose interpreter `--official` names:
 
     python3 -m venv ../emva && ../emva/bin/pip install "numpy<1.24" "scipy<1.11" lxml pillow emva1288==1.0.2
 
@@ -33,7 +33,15 @@ from benchmarks.sensor_figures import BAND, draw_fall_off, draw_photon_transfer
 from pss import ImageSensor
 from scenes import load_scene
 from scenes.reading.sensor_file import known_sensors
-from tests.photon_transfer import BEYOND_SATURATION, Characterisation, Laboratory, Level, characterise, pair, stack
+from tests.helpers.photon_transfer import (
+    BEYOND_SATURATION,
+    Characterisation,
+    Laboratory,
+    Level,
+    characterise,
+    pair,
+    stack,
+)
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from pss import ImageSensor, PTZCamera
 from render.sensor import capture, expected_electrons, fixed_pattern
-from tests.photon_transfer import Laboratory
+from tests.helpers.photon_transfer import Laboratory
 
 __all__ = ["draw_fall_off", "draw_photon_transfer"]
 

@@ -51,7 +51,7 @@ def room_renderer(room, room_store, mi):
 @pytest.fixture(scope="session")
 def runs():
     """A process that starts runs whose views are drawn instead of rendered."""
-    from tests.drawn_sweep import Runs
+    from tests.helpers.drawn_sweep import Runs
 
     with Runs() as runs:
         yield runs

@@ -1,6 +1,6 @@
 """The pan-tilt-zoom camera: projection, its Jacobian, and the thin lens. The only camera model of the project.
 
-Conventions (docs/conventions.md; each has a test in tests/test_conventions.py):
+Conventions (docs/conventions.md; each has a test in tests/project/test_conventions.py):
 
 - World: right-handed, metres, z up. Camera frame: x right, y down, z forward; roll 0.
 - Pan turns about world z: 0° looks along +y, positive towards +x. Tilt is positive upwards.

@@ -79,7 +79,7 @@ def html_of(sides: Sequence[Side]) -> str:
         }
         sections.append(section | {"lead": RANKING_LEAD, "figures": ranking})
     return rendered(
-        "validate.side_by_side",
+        "validate.comparison",
         "compare",
         {"sections": [{"figures": [_figure_data(figure) for figure in each["figures"]]} for each in sections]},
         title="PSS comparison: " + ", ".join(names),

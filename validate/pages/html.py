@@ -25,7 +25,7 @@ def rendered(package: str, name: str, data: Any, **words: Any) -> str:
         data: what the script draws from, as JSON has it.
         words: what the template says.
     """
-    loader = jinja2.ChoiceLoader([jinja2.PackageLoader(package), jinja2.PackageLoader("validate.report")])
+    loader = jinja2.ChoiceLoader([jinja2.PackageLoader(package), jinja2.PackageLoader("validate.pages")])
     environment = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined)
 
     def text(file: str) -> str:

@@ -131,7 +131,7 @@ def page_of(
         more: what else the template asks for.
     """
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("validate.report"), autoescape=True, undefined=jinja2.StrictUndefined
+        loader=jinja2.PackageLoader("validate.pages"), autoescape=True, undefined=jinja2.StrictUndefined
     )
     style, shared, own_script = (
         environment.loader.get_source(environment, file)[0]  # type: ignore[union-attr]

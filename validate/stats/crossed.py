@@ -13,7 +13,7 @@ The deviation is that of a t variable: with G − 1 degrees of freedom where the
 the logit's. Sources: Efron and Stein 1981; Owen 2007 (crossed factors); Wager, Hastie and Efron 2014 (the correction).
 
 What an interval is for: the value that the statistic has on average over rooms of the same design, as many cameras,
-views, points and trials, drawn anew. `tests/test_coverage.py` gives its coverage in made-up rooms.
+views, points and trials, drawn anew. `tests/validate/stats/test_coverage.py` gives its coverage in made-up rooms.
 """
 
 from __future__ import annotations

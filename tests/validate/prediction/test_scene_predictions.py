@@ -1,0 +1,122 @@
+"""[noise] and [metric] of a scene count in banks and schedules too: obeyed, or refused in a line; never ignored."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pss import noise_model
+from pss.noise.calibrated import Calibration
+from pss.visibility.points import VISIBILITY_TESTS
+from pss.visibility.targets import TARGET_VISIBILITY
+from scenes import SceneError, load_scene
+from validate.bank.judge import FREE_MODELS, asked_pairs, check_models, judged, scene_contenders
+from validate.bank.sensitivity import variants
+from validate.commands.bank import run as bank
+from validate.commands.calibration_error import without_effect
+from validate.commands.schedule import run as schedule
+
+ROOT = Path(__file__).parents[3]
+CALIBRATION = Calibration.from_file(ROOT / "results" / "reference" / "bank" / "calibrated.toml")
+ROUNDING = 1e-12
+PHYSICAL_ALONE = 'noise.models=["physical"]'
+
+
+def load(name="room", *overrides):
+    return load_scene(ROOT / "scenes" / f"{name}.toml", overrides)
+
+
+def contenders(scene):
+    return {each.name: each for each in scene_contenders(scene, CALIBRATION)}
+
+
+@pytest.mark.parametrize("name", ["room", "atrium", "studio", "hallway"])
+def test_the_shipped_scenes_are_judged_as_ever(name):
+    """R with the sensor's own dark noise and nothing else, and the paper's visibility."""
+    scene = load(name)
+    check_models(scene, "bank", FREE_MODELS)
+    found = contenders(scene)
+    for model in FREE_MODELS:
+        expected = noise_model(model, sensor=scene.sensor, ccd_noise=scene.sensor.ccd_noise)
+        assert repr(found[model].noise) == repr(expected)
+        assert found[model].visibility == VISIBILITY_TESTS
+    assert found["calibrated R"].visibility == VISIBILITY_TESTS
+    assert without_effect(scene) == []
+
+
+def test_factors_and_scale_of_the_file_count():
+    """In the paper's models and in their variants; the others have neither."""
+    scene = load("room", 'noise.switched_off=["defocus"]', "noise.px2_per_m2=4.0")
+    found = contenders(scene)
+    for model in ("as-printed", "corrected"):
+        assert [factor.name for factor in found[model].noise.factors] == ["distance-incidence", "resolution"]
+        assert found[model].noise.factors[0].px2_per_m2 == 4.0
+    plain = contenders(load("room"))
+    for model in ("physical", "identity", "calibrated, limits"):
+        assert repr(found[model].noise) == repr(plain[model].noise)
+    by_name = {each.name: each.noise for _, each in variants(scene, VISIBILITY_TESTS)}
+    assert by_name["corrected, px2_per_m2 × 10"].factors[0].px2_per_m2 == 40.0
+    assert repr(by_name["corrected, px2_per_m2 × 1"].factors) == repr(scene.noise_model("corrected").factors)
+
+
+def test_scaled_models_are_the_scenes_own_times_one_number():
+    """Every entry of R, in the scene's own form and with its own visibility; without scales there are none."""
+    scales = {"as-printed": 1e-5, "corrected": 4e-6, "identity": 2e-3}
+    scene = load("atrium", "noise.px2_per_m2=4.0")
+    found = {each.name: each for each in scene_contenders(scene, dataclasses.replace(CALIBRATION, scales=scales))}
+    for name, scale in scales.items():
+        scaled, literal = found[f"{name}, scaled"], found[name]
+        where = scene.cameras[0], scene.state.points_m[:20], scene.state.normals[:20]
+        np.testing.assert_allclose(
+            scaled.noise.covariance(*where), scale * literal.noise.covariance(*where), rtol=ROUNDING
+        )
+        assert scaled.visibility == literal.visibility
+        assert (f"{name}, scaled", "pss") in asked_pairs(list(found.values()))
+    plain = [each.name for each in scene_contenders(scene, dataclasses.replace(CALIBRATION, scales={}))]
+    assert plain == [name for name in found if not name.endswith("scaled")]
+    assert {name for name, _ in asked_pairs(list(found.values()))} == set(found)
+
+
+def test_visibility_of_the_file_counts():
+    """Whole markers for each R; those that are about whole markers anyway, and the fitted limits, stay as they are."""
+    found, plain = contenders(load("room", 'metric.visibility="target"')), contenders(load("room"))
+    for name in (*FREE_MODELS, "calibrated R"):
+        assert found[name].visibility == TARGET_VISIBILITY
+    for name in ("physical, whole markers", "calibrated, limits"):
+        assert found[name].visibility == plain[name].visibility
+    told = judged(found.values())
+    assert told["as-printed"]["visibility"] == [test.name for test in TARGET_VISIBILITY]
+    assert told["as-printed"]["noise"] == ["distance-incidence", "resolution", "defocus"]
+
+
+def test_a_list_of_models_that_is_not_compared_is_refused():
+    """Each command's tables need all three; in another order, or with identity beside them, they are the same."""
+    for models in ('["physical", "corrected", "as-printed"]', '["as-printed", "corrected", "physical", "identity"]'):
+        check_models(load("room", f"noise.models={models}"), "bank", FREE_MODELS)
+    with pytest.raises(SceneError) as refused:
+        check_models(load("room", PHYSICAL_ALONE), "bank", FREE_MODELS)
+    assert str(refused.value).endswith(
+        'room.toml: noise.models = ["physical"]; allowed with bank, whose tables compare all of these: '
+        '["as-printed", "corrected", "physical"], in any order'
+    )
+
+
+def test_commands_refuse_before_they_render(tmp_path):
+    """The bank and the schedule, with the name of each."""
+    with pytest.raises(SceneError, match=r"allowed with bank"):
+        bank(set=(PHYSICAL_ALONE,), out=tmp_path / "bank", store=str(tmp_path / "store"), dry_run=True)
+    with pytest.raises(SceneError, match=r"allowed with schedule"):
+        schedule("hallway", set=(PHYSICAL_ALONE,), out=tmp_path / "walk", store=str(tmp_path / "store"), dry_run=True)
+    assert not list(tmp_path.iterdir())
+
+
+def test_calibration_error_names_what_has_no_effect():
+    """It judges the calibrated model alone."""
+    scene = load("room", PHYSICAL_ALONE, 'noise.switched_off=["defocus"]', 'metric.visibility="target"')
+    [line] = without_effect(scene)
+    for key in ('noise.models = ["physical"]', 'noise.switched_off = ["defocus"]', 'metric.visibility = "target"'):
+        assert key in line
+    assert "px2_per_m2" not in line
