@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss.errors import RangeError, ShapeError
+from pss.hints import Floats
 
 __all__ = ["labels", "members", "number", "numbers", "place", "plain", "row"]
 
-Floats = NDArray[np.float64]
 
 # What of a value is shown in a message.
 LONGEST_SHOWN = 60

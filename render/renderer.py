@@ -26,7 +26,6 @@ from render.world.state import SceneState
 
 __all__ = ["Certificate", "RenderedView", "Renderer", "ViewRequest", "light_key", "random_stream", "state_key"]
 
-Floats = NDArray[np.floating]
 
 # An edge crosses a marker's pixel where the samples within it spread (σ) by more than this many times its sensor noise.
 EDGE_SPREAD = 0.5

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from pss import ImageSensor, PTZCamera
 from pss.cameras.distortion import stretch, undistorted
 from pss.cameras.photometry import electrons_per_radiance
+from pss.hints import AnyFloats, Images
 
 __all__ = [
     "FixedPattern",
@@ -36,8 +37,6 @@ __all__ = [
     "surely_saturated",
 ]
 
-Floats = NDArray[np.floating]
-Image = NDArray[np.float32]
 
 # From here on the distribution function of the expansion is within 0.0009 of Poisson's.
 EXACT_BELOW_E = 12.0
@@ -54,14 +53,14 @@ class FixedPattern:
         dsnu_e: electrons, each pixel's dark offset from the mean.
     """
 
-    prnu: Image
-    dsnu_e: Image
+    prnu: Images
+    dsnu_e: Images
 
 
 # ---- light to electrons ----------------------------------------------------------------------------------------------
 
 
-def relative_illumination(camera: PTZCamera) -> Floats:
+def relative_illumination(camera: PTZCamera) -> AnyFloats:
     """cos⁴ θ of every pixel, (height, width): how a thin lens darkens towards the image's corners.
 
     Where distortion draws the image together, a pixel collects from a larger solid angle.
@@ -78,12 +77,12 @@ def relative_illumination(camera: PTZCamera) -> Floats:
     return 1 / (1 + squared) ** 2 / (factor * (factor + 2 * squared * derivative))
 
 
-def photoelectrons(photons: Floats, sensor: ImageSensor) -> Floats:
+def photoelectrons(photons: AnyFloats, sensor: ImageSensor) -> AnyFloats:
     """Mean electrons that a mean of `photons` on each pixel sets free (any shape): the quantum efficiency's share."""
     return photons * sensor.quantum_efficiency
 
 
-def expected_electrons(radiance_w_per_m2_sr: Floats, camera: PTZCamera, sensor: ImageSensor) -> Floats:
+def expected_electrons(radiance_w_per_m2_sr: AnyFloats, camera: PTZCamera, sensor: ImageSensor) -> AnyFloats:
     """Mean photoelectrons of every pixel, (height, width), for a radiance image (height, width).
 
     The irradiance behind the lens is L (π/4) (a/v)² cos⁴ θ; photons and quantum efficiency are one factor with it
@@ -103,7 +102,7 @@ def fixed_pattern(camera: PTZCamera, sensor: ImageSensor) -> FixedPattern:
     """
     width, height = camera.resolution
 
-    def spread(what: str, sigma: float, lowest: float) -> Image:
+    def spread(what: str, sigma: float, lowest: float) -> Images:
         if sigma == 0:
             # No memory and no time for a sensor without.
             return np.broadcast_to(np.float32(0), (height, width))
@@ -125,7 +124,7 @@ def _body_stream(camera: PTZCamera, what: str) -> np.random.Generator:
 # ---- electrons to digital numbers, one exposure ----------------------------------------------------------------------
 
 
-def mean_charge(electrons: Image, sensor: ImageSensor, pattern: FixedPattern | None = None) -> Image:
+def mean_charge(electrons: Images, sensor: ImageSensor, pattern: FixedPattern | None = None) -> Images:
     """Mean electrons that each pixel collects in an exposure, of mean photoelectrons without a pattern.
 
     PRNU scales the light's part; the dark current comes in addition.
@@ -135,7 +134,7 @@ def mean_charge(electrons: Image, sensor: ImageSensor, pattern: FixedPattern | N
     return electrons + np.float32(sensor.dark_signal_e) if sensor.dark_signal_e > 0 else electrons
 
 
-def shot_noise(electrons: Image, rng: np.random.Generator) -> Image:
+def shot_noise(electrons: Images, rng: np.random.Generator) -> Images:
     """Whole electrons of one exposure of mean `electrons` (any shape): Poisson.
 
     A sum of Poisson variables is one: light and dark current are drawn together. Drawn exactly below `EXACT_BELOW_E`;
@@ -159,14 +158,14 @@ def shot_noise(electrons: Image, rng: np.random.Generator) -> Image:
     return collected
 
 
-def fill_well(electrons: Image, sensor: ImageSensor) -> Image:
+def fill_well(electrons: Images, sensor: ImageSensor) -> Images:
     """Electrons that stay in the pixels' wells: what is beyond the full well is lost. Works in place."""
     return np.minimum(electrons, np.float32(sensor.full_well_e), out=electrons)
 
 
 def read_out(
-    electrons: Image, sensor: ImageSensor, rng: np.random.Generator, pattern: FixedPattern | None = None
-) -> Image:
+    electrons: Images, sensor: ImageSensor, rng: np.random.Generator, pattern: FixedPattern | None = None
+) -> Images:
     """Electrons as the amplifier sees them: read noise, and DSNU as an offset of each pixel's own. Works in place."""
     electrons += np.float32(sensor.read_noise_e) * rng.standard_normal(electrons.shape, dtype=np.float32)
     if pattern is not None and sensor.dsnu_e > 0:
@@ -174,21 +173,21 @@ def read_out(
     return electrons
 
 
-def amplify(electrons: Image, sensor: ImageSensor) -> Image:
+def amplify(electrons: Images, sensor: ImageSensor) -> Images:
     """Digital numbers before the converter, not yet whole: gain and black level. Works in place."""
     electrons /= np.float32(sensor.gain_e_per_dn)
     electrons += np.float32(sensor.black_level_dn)
     return electrons
 
 
-def digitise(numbers: Image, sensor: ImageSensor) -> NDArray[np.uint16]:
+def digitise(numbers: Images, sensor: ImageSensor) -> NDArray[np.uint16]:
     """Whole digital numbers from 0 to the converter's largest. Works in place."""
     np.rint(numbers, out=numbers)
     return np.clip(numbers, 0, sensor.largest_dn, out=numbers).astype(np.uint16)
 
 
 def capture(
-    electrons: Floats, sensor: ImageSensor, rng: np.random.Generator, pattern: FixedPattern | None = None
+    electrons: AnyFloats, sensor: ImageSensor, rng: np.random.Generator, pattern: FixedPattern | None = None
 ) -> NDArray[np.uint16]:
     """One noisy exposure in digital numbers, (height, width), of mean photoelectrons `electrons` (height, width).
 
@@ -200,7 +199,7 @@ def capture(
     return digitise(amplify(read_out(collected, sensor, rng, pattern), sensor), sensor)
 
 
-def surely_saturated(electrons: Floats, sensor: ImageSensor) -> NDArray[np.bool_]:
+def surely_saturated(electrons: AnyFloats, sensor: ImageSensor) -> NDArray[np.bool_]:
     """Where mean photoelectrons (any shape) saturate in every capture, even if the mean is twice what it should be.
 
     PRNU and noise take `SURELY_SIGMA` of their σ away.
@@ -209,7 +208,7 @@ def surely_saturated(electrons: Floats, sensor: ImageSensor) -> NDArray[np.bool_
     return np.asarray(least / 2 - SURELY_SIGMA * sensor.noise_electrons(least / 2) > sensor.saturation_e)
 
 
-def saturated_share(electrons: Floats, sensor: ImageSensor) -> float:
+def saturated_share(electrons: AnyFloats, sensor: ImageSensor) -> float:
     """Share (0 to 1) of the pixels whose mean charge, for mean photoelectrons of any shape, reaches saturation.
 
     Shot noise saturates some pixels below that and spares some above.

@@ -8,9 +8,9 @@ import os
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss import PSSError
+from pss.hints import Floats
 from pss.surrogates import Mesh
 from render.world.backdrop import read_backdrop
 from render.world.meshes import skin
@@ -21,7 +21,6 @@ from scenes.schema.scene_tables import SceneSpec
 
 __all__ = ["holds", "posed", "read_files"]
 
-Floats = NDArray[np.float64]
 
 # More faces take minutes to light and a second to hash.
 MOST_FACES = 200_000

@@ -21,11 +21,11 @@ from numpy.typing import ArrayLike, NDArray
 from pss.cameras.distortion import undistorted
 from pss.cameras.views import Views
 from pss.errors import GeometryError, RangeError, ShapeError
+from pss.hints import Floats
 from pss.inputs import number, numbers, place, row
 
 __all__ = ["PTZCamera", "as_points"]
 
-Floats = NDArray[np.float64]
 
 # Straight up or down the pan still says where the image's top points: it is the limit of steeper and steeper tilts.
 MAX_ABS_TILT_DEG = 90.0

@@ -8,13 +8,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss.errors import RangeError
+from pss.hints import Floats
 
 __all__ = ["fold_radius", "furthest_radius", "stretch", "undistorted"]
 
-Floats = NDArray[np.float64]
 
 # At the fold the radius is a double root, of which Newton's method only halves the error: some 26 steps to rounding.
 MOST_STEPS = 60

@@ -7,11 +7,12 @@ Source: CIE spectral luminous efficiency for photopic vision V(λ), 1924 (CIE 01
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from pss.hints import Floats
 
 __all__ = ["LUMENS_PER_WATT", "illuminance_lux", "luminous_efficiency"]
 
-Floats = NDArray[np.float64]
 
 LUMENS_PER_WATT = 683.002
 """lm/W at 555 nm."""

@@ -12,15 +12,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from pss.cameras.camera import MAX_ABS_TILT_DEG, PTZCamera
 from pss.cameras.motor_limits import FULL_TURN_DEG, SLACK_STEPS, PTZLimits, number, refuse
+from pss.hints import Floats
 
 __all__ = ["PTZLimits", "fitting_zoom", "follow", "moved_towards", "quantised"]
 
-Floats = NDArray[np.float64]
 
 # Far below any motor's step, far above what rounding does to degrees, zooms and metres.
 DECIMALS = 9

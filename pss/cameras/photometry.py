@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pss.errors import RangeError, ShapeError
+from pss.hints import AnyFloats
 from pss.inputs import numbers
 
 if TYPE_CHECKING:
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Appearance", "ImageSensor", "electrons_per_radiance"]
 
-Floats = NDArray[np.floating]
 
 PLANCK_TIMES_LIGHT_SPEED_J_M = 6.62607015e-34 * 299_792_458.0
 
@@ -113,7 +113,7 @@ class ImageSensor:
         """Dark noise over full well, no unit: CCDnoise of Eqs. 12 and 13."""
         return self.dark_noise_e / self.full_well_e
 
-    def noise_electrons(self, electrons: Floats) -> Floats:
+    def noise_electrons(self, electrons: AnyFloats) -> AnyFloats:
         """Electrons (σ), temporal noise of one capture at a mean of `electrons` photoelectrons (any shape).
 
         Shot noise of signal and dark current, read-out, quantisation; what saturation takes away is not in it.

@@ -11,10 +11,10 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss.cameras.distortion import fold_radius, stretch
 from pss.cameras.photometry import Appearance
+from pss.hints import Bools, Floats
 from pss.riccati.covariances import COLUMNS, ROWS
 
 if TYPE_CHECKING:
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Cameras", "Views"]
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 # Of each pair of entries xx, xy, …, one in the world (down) and one in the camera's frame (across), row and column.
 TO_ROW, FROM_ROW = np.meshgrid(ROWS, ROWS, indexing="ij")

@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pss.errors import RangeError, ShapeError
+from pss.hints import Floats
 from pss.inputs import labels, numbers
 from pss.metric.evaluation import Evaluation
 from pss.processes.process import RandomWalk
 
 __all__ = ["Aggregation", "bounded_by_volume", "cover_all", "environment_size_m", "grown_from_previous"]
 
-Floats = NDArray[np.float64]
 
 Norm = Literal["inverse", "1", "2", "inf"]
 Across = Literal["points", "mean", "worst"]

@@ -6,12 +6,13 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pss.cameras.camera import PTZCamera, as_points
 from pss.cameras.photometry import Appearance
 from pss.cameras.views import Cameras, Views
 from pss.errors import RangeError, ShapeError
+from pss.hints import Bools, Floats, Indices
 from pss.inputs import members
 from pss.metric.evaluation import Evaluation, Evaluations, Task
 from pss.modalities.sensors import Sensor
@@ -28,9 +29,6 @@ from pss.visibility.targets import TARGET_VISIBILITY
 
 __all__ = ["evaluate", "evaluate_many"]
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Indices = NDArray[np.intp]
 
 # A unit normal read from a file with seven digits is off by less.
 NORMAL_LENGTH_TOLERANCE = 1e-6

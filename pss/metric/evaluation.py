@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss.cameras.camera import PTZCamera
 from pss.cameras.photometry import Appearance
 from pss.cameras.views import Views
+from pss.hints import Bools, Floats, Indices
 from pss.modalities.sensors import Sensor
 from pss.noise import NoiseModel
 from pss.processes.process import ProcessModel
@@ -23,10 +23,6 @@ from pss.surrogates import Shape
 from pss.visibility.expected import Expected
 
 __all__ = ["Evaluation", "Evaluations", "Task"]
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)

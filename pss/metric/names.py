@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import Floats
 from pss.metric.evaluation import Evaluation
 from pss.metric.table import Metric, MetricTable
 from pss.rivals import RIVALS
@@ -12,7 +12,6 @@ from pss.visibility.expected import probability_of_at_least
 
 __all__ = ["CAMERAS_TO_OBSERVE", "METRICS"]
 
-Floats = NDArray[np.float64]
 
 # The paper's definition of an observable point: c ≥ 2 cameras see it (section 3.2).
 CAMERAS_TO_OBSERVE = 2

@@ -11,11 +11,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pss.cameras.camera import PTZCamera
 from pss.errors import RangeError
+from pss.hints import Floats
 from pss.metric.evaluate import evaluate
 from pss.metric.evaluation import Evaluation
 
@@ -23,7 +23,6 @@ __all__ = ["ENTRY_POINTS", "Metric", "MetricTable"]
 
 ENTRY_POINTS = "pss.metrics"
 
-Floats = NDArray[np.float64]
 Status = Literal["paper", "read", "checked", "after", "ours"]
 STATUS_MEANING: dict[Status, str] = {
     "paper": "a formula of the paper that this project tests",

@@ -6,17 +6,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pss.cameras.camera import as_points
 from pss.errors import ShapeError
+from pss.hints import Bools, Floats
 from pss.inputs import numbers
 from pss.surrogates import Shape
 
 __all__ = ["FunctionSensor"]
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 # Cube root of double precision: where the error of a central difference is least, in units of the state's own size.
 DIFFERENCE_STEP = 6e-6

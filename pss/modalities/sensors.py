@@ -11,19 +11,16 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss.cameras.camera import PTZCamera, as_points
 from pss.cameras.views import Views
 from pss.errors import GeometryError, RangeError, ShapeError
+from pss.hints import Bools, Floats
 from pss.inputs import number, numbers, place
 from pss.surrogates import Shape, any_blocks
 from pss.visibility.points import CLEARANCE_M, FieldOfView, Occlusion, SelfOcclusion, visible_in
 
 __all__ = ["Bearing", "DepthCamera", "PositionFix", "RangeBeacon", "Sensor"]
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 
 class Sensor(Protocol):

@@ -12,15 +12,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss.cameras.photometry import ImageSensor
 from pss.cameras.views import Views
+from pss.hints import Floats
 from pss.noise.factors import of_camera
 
 __all__ = ["EdgeBlur", "edge_blur", "sensors_of", "still_variance_px2", "way_across_px", "way_px"]
 
-Floats = NDArray[np.float64]
 
 # px², variance of a square pixel's own width.
 PIXEL_VARIANCE_PX2 = 1 / 12

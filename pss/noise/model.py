@@ -14,6 +14,7 @@ from pss.cameras.camera import PTZCamera, as_points
 from pss.cameras.photometry import Appearance, ImageSensor
 from pss.cameras.views import Views
 from pss.errors import RangeError, ShapeError
+from pss.hints import Floats
 from pss.inputs import members, number
 from pss.noise.calibrated import Calibration
 from pss.noise.covariance import PixelCovariance
@@ -31,7 +32,6 @@ from pss.noise.photometric import BrightnessContrast
 
 __all__ = ["NOISE_MODELS", "NoiseModel", "noise_model"]
 
-Floats = NDArray[np.float64]
 
 # Parts of Eq. 11 that can be switched off alone.
 EQUATION_11_PARTS = ("distance", "incidence")

@@ -14,18 +14,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import erf
 
 from pss.cameras.photometry import Appearance, ImageSensor, electrons_per_radiance
 from pss.cameras.views import Views
 from pss.errors import RangeError
+from pss.hints import Floats
 from pss.noise.blur import EdgeBlur, edge_blur, sensors_of, still_variance_px2, way_px
 from pss.noise.covariance import PixelCovariance
 
 __all__ = ["BrightnessContrast", "module_sides", "sides_e"]
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

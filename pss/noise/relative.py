@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss.cameras.views import Views
 from pss.errors import RangeError
+from pss.hints import Floats
 from pss.noise.covariance import PixelCovariance
 from pss.noise.photometric import module_sides
 
 __all__ = ["ModuleSize", "RelativeDefocus"]
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -6,17 +6,16 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pss.errors import RangeError, ShapeError
+from pss.hints import Floats, Indices
 from pss.inputs import members, numbers, plain
 from pss.processes.process import AXES, ProcessModel, require_positive
 from pss.riccati.solve import require_semidefinite
 
 __all__ = ["LinearProcess", "NonlinearProcess", "PerPoint"]
 
-Floats = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 # Step of the five-point difference, relative to a state or to one unit of it, whichever is larger: its truncation goes
 # as the fourth power, rounding as eps over the step, which leaves about eps^(4/5) = 3e-13 of a smooth transition.

@@ -13,9 +13,9 @@ from functools import cached_property
 from typing import ClassVar, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss.errors import RangeError
+from pss.hints import Floats
 
 __all__ = [
     "ConstantAcceleration",
@@ -25,7 +25,6 @@ __all__ = [
     "require_positive",
 ]
 
-Floats = NDArray[np.float64]
 
 AXES = 3
 

@@ -7,9 +7,9 @@ from collections.abc import Hashable, Sequence
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss.errors import ShapeError
+from pss.hints import Bools, Floats, Indices
 from pss.inputs import members
 from pss.processes.own_process import LinearProcess, PerPoint
 from pss.processes.process import ProcessModel
@@ -20,9 +20,6 @@ from pss.riccati.solve import steady_state_covariance_from_information
 
 __all__ = ["Process", "as_groups", "of_state", "position_sigma", "prior_covariance", "resolvable", "solve"]
 
-Floats = NDArray[np.float64]
-Indices = NDArray[np.intp]
-Bools = NDArray[np.bool_]
 Groups = list[tuple[ProcessModel, Indices]]
 Process = ProcessModel | PerPoint | Sequence[ProcessModel]
 

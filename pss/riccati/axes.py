@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pss.errors import RangeError, RiccatiError, ShapeError
+from pss.hints import Bools
 from pss.inputs import numbers
 from pss.riccati.methods import (
     EPS,
@@ -26,7 +27,6 @@ from pss.riccati.methods import (
     RANK_TOLERANCE,
     REFUSE_ABOVE,
     REFUSED,
-    BoolArray,
     Failures,
     Floats,
     failure_message,
@@ -123,7 +123,7 @@ def _axis(A0: ArrayLike, Q0: ArrayLike, information: ArrayLike, unsolvable: Unso
     blind = _blind(A, j, np.zeros_like(j))
     P, failures, error = _solve(A, Q, np.where(blind, 1.0, j))
     failures = {"not detectable": blind} | failures
-    failed: BoolArray = np.logical_or.reduce(list(failures.values()))
+    failed: Bools = np.logical_or.reduce(list(failures.values()))
     if failed.any():
         if unsolvable == "raise":
             raise RiccatiError(failure_message(failed, failures, error))
@@ -149,7 +149,7 @@ def _checked(A0: ArrayLike, Q0: ArrayLike, information: ArrayLike) -> tuple[Floa
     return A, Q, j
 
 
-def _blind(A: Floats, information: Floats, largest: Floats) -> BoolArray:
+def _blind(A: Floats, information: Floats, largest: Floats) -> Bools:
     """Whether what a filter measures, if anything, leaves a lasting mode of A alone; same shape as `information`."""
     measured = information > RANK_TOLERANCE * largest
     d = len(A)
@@ -193,7 +193,7 @@ def _one_state(a: float, q: float, j: Floats) -> tuple[list[Floats], Failures, F
     return [p], {NO_CONVERGENCE: failed}, np.zeros_like(p)
 
 
-def _doubling(A: Floats, Q: Floats, j: Floats) -> tuple[Symmetric, BoolArray]:
+def _doubling(A: Floats, Q: Floats, j: Floats) -> tuple[Symmetric, Bools]:
     """Structure-preserving doubling as in `pss.riccati.methods.doubling`, and where it converged, (M,)."""
     d = len(A)
     upper = [(i, k) for i in range(d) for k in range(i, d)]

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import Floats
 from pss.riccati.small_matrices import AT
 
 __all__ = ["from_six", "largest_standard_deviation", "mean_inverse_sigma", "root_trace", "to_six"]
 
-Floats = NDArray[np.float64]
 
 # Where the entries xx, xy, xz, yy, yz, zz stand in the full matrix; `AT[3]` is the way back.
 ROWS, COLUMNS = (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2)

@@ -13,6 +13,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from pss.hints import Bools, Floats
 from pss.riccati.observability import RANK_TOLERANCE, undetectable
 
 __all__ = [
@@ -20,7 +21,6 @@ __all__ = [
     "RANK_TOLERANCE",
     "REFUSED",
     "REFUSE_ABOVE",
-    "BoolArray",
     "Failures",
     "Floats",
     "doubling",
@@ -36,10 +36,8 @@ __all__ = [
     "undetectable",
 ]
 
-Floats = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 # For each reason to fail, which systems of the batch it hit.
-Failures = dict[str, BoolArray]
+Failures = dict[str, Bools]
 
 EPS = float(np.finfo(np.float64).eps)
 # Once F^(2^k) is this small, the next increment of P, quadratic in it, is below eps.
@@ -220,7 +218,7 @@ def residuals(A: Floats, Q: Floats, J: Floats, P: Floats) -> tuple[Floats, Float
     return np.where(finite, residual, np.nan), np.where(finite, error, np.nan)
 
 
-def failure_message(failed: BoolArray, failures: Failures, error: Floats) -> str:
+def failure_message(failed: Bools, failures: Failures, error: Floats) -> str:
     """Name the first failing systems, each with the first reason that applies and, if that is it, the error of P."""
     lines = []
     for index in np.argwhere(failed)[:INDICES_SHOWN]:

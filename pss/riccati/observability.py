@@ -14,9 +14,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pss.errors import RangeError, ShapeError
+from pss.hints import Bools, Floats
 from pss.inputs import numbers
 
 __all__ = [
@@ -30,8 +31,6 @@ __all__ = [
     "undetectable",
 ]
 
-Floats = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 EPS = float(np.finfo(np.float64).eps)
 # An eigenvalue this far below the largest is rounding noise in a matrix that was summed up in double precision: two
@@ -63,7 +62,7 @@ def observability_matrix(A: ArrayLike, H: ArrayLike) -> Floats:
     return np.concatenate(np.broadcast_arrays(*rows), axis=-2)
 
 
-def is_observable(A: ArrayLike, H: ArrayLike) -> BoolArray:
+def is_observable(A: ArrayLike, H: ArrayLike) -> Bools:
     """Whether measurements H, (..., m, n), determine every mode of A, (..., n, n); shape (...).
 
     Rows of H may have any unit each: they are compared at unit length. The tolerance is that of this module.
@@ -75,7 +74,7 @@ def is_observable(A: ArrayLike, H: ArrayLike) -> BoolArray:
     return ~_unmeasured_mode(transition, _information(jacobian), slowest=-1.0)
 
 
-def is_detectable(A: ArrayLike, H: ArrayLike | None = None, *, J: ArrayLike | None = None) -> BoolArray:
+def is_detectable(A: ArrayLike, H: ArrayLike | None = None, *, J: ArrayLike | None = None) -> Bools:
     """Whether every mode of A that does not decay is determined, by H (..., m, n) or by J = HᵀR⁻¹H (..., n, n).
 
     Eq. 4 has a steady state only where this is true. Unlike H, J also says how good each measurement is.
@@ -210,12 +209,12 @@ def _null_vector(a: Floats, b: Floats, c: Floats, d: Floats, e: Floats, f: Float
     return x * scale, y * scale, z * scale
 
 
-def undetectable(A: Floats, J: Floats) -> BoolArray:
+def undetectable(A: Floats, J: Floats) -> Bools:
     """Whether a mode of A that does not decay goes unmeasured, (...,): the Popov–Belevitch–Hautus test, unchecked."""
     return _unmeasured_mode(A, J, slowest=MARGINAL_MODULUS)
 
 
-def _unmeasured_mode(A: Floats, J: Floats, slowest: float) -> BoolArray:
+def _unmeasured_mode(A: Floats, J: Floats, slowest: float) -> Bools:
     """Whether an eigenvalue of A above `slowest` in modulus has an eigenvector that J annihilates, (...,).
 
     J is looked at on each eigenspace of A by itself, which compares like units: for the motion models that is J's

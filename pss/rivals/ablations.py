@@ -11,8 +11,8 @@ from collections.abc import Callable
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import Floats
 from pss.metric.evaluation import Evaluation
 from pss.metric.table import Metric
 from pss.noise import (
@@ -31,7 +31,6 @@ from pss.rivals.covariance import PIXEL_VARIANCE_PX2
 
 __all__ = ["ABLATIONS", "evaluation_with", "own_factor"]
 
-Floats = NDArray[np.float64]
 F = TypeVar("F", bound=NoiseFactor)
 
 # Without it R would be zero in the plane of focus, and at grazing incidence as Eq. 11 is printed.

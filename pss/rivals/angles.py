@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import Bools, Floats
 from pss.metric.evaluation import Evaluation
 from pss.metric.table import Metric
 from pss.processes.steady_state import SMALLEST_INFORMATION_RATIO
@@ -20,8 +20,6 @@ __all__ = [
     "triangulable",
 ]
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 # Rays that meet at less than 40° or more than 140° do not count as triangulation.
 SMALLEST_ANGLE_DEG = 40.0

@@ -9,8 +9,8 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import Floats
 from pss.metric.evaluation import Evaluation
 from pss.metric.table import Metric
 from pss.noise import IdentityNoise, NoiseModel
@@ -30,7 +30,6 @@ __all__ = [
     "worst_diagonal_m2",
 ]
 
-Floats = NDArray[np.float64]
 
 # px², variance of ±½ px, all places alike.
 PIXEL_VARIANCE_PX2 = 1 / 12

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss.cameras.views import Views
+from pss.hints import Floats
 from pss.metric.evaluation import Evaluation
 from pss.metric.table import Metric
 from pss.rivals.shared import directions
@@ -19,7 +20,6 @@ __all__ = [
     "visibility_count",
 ]
 
-Floats = NDArray[np.float64]
 
 # A third camera is what makes a triangulation checkable; further ones are not counted.
 ENOUGH_CAMERAS = 3

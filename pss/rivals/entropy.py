@@ -5,8 +5,8 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import Floats
 from pss.metric.evaluation import Evaluation
 from pss.metric.table import Metric
 from pss.riccati.covariances import to_six
@@ -15,7 +15,6 @@ from pss.rivals.shared import camera_six
 
 __all__ = ["DETECTION_PROBABILITY", "ENTROPY_METRICS", "MOST_CAMERAS", "expected_log_determinant"]
 
-Floats = NDArray[np.float64]
 
 # Of a camera that sees the point: how often it yields its measurement, independently of the others.
 DETECTION_PROBABILITY = 0.9

@@ -8,8 +8,8 @@ that 2C sectors describe all of it. A camera straight above or below has no azim
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import Bools, Floats
 from pss.metric.evaluation import Evaluation
 from pss.metric.table import Metric
 from pss.rivals.angles import triangulable
@@ -17,8 +17,6 @@ from pss.rivals.shared import camera_six, directions, largest_sigma_m, view_pair
 
 __all__ = ["BOUND_M", "OCCLUSION_METRICS", "dynamic_occlusion_deg", "occluded_error_m", "sectors"]
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 # m, the error of a point that nothing measures: about the diagonal of a room of 6 m by 6 m by 3 m.
 BOUND_M = 10.0

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import Floats
 from pss.metric.evaluation import Evaluation
 from pss.metric.table import Metric
 from pss.processes.steady_state import SMALLEST_INFORMATION_RATIO
@@ -12,8 +12,6 @@ from pss.rivals.occlusion import VERTICAL
 from pss.rivals.shared import both_conventions, directions, view_pairs
 
 __all__ = ["PLANAR_METRICS", "planar_variance_m2", "planar_weights"]
-
-Floats = NDArray[np.float64]
 
 
 def planar_weights(evaluation: Evaluation) -> tuple[Floats, Floats]:

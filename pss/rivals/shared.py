@@ -9,18 +9,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import Bools, Floats, Indices
 from pss.metric.evaluation import Evaluation
 from pss.metric.table import Metric, Status
 from pss.processes.steady_state import resolvable
 from pss.riccati.covariances import to_six
 
 __all__ = ["Pairs", "both_conventions", "camera_six", "directions", "known", "largest_sigma_m", "view_pairs"]
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Indices = NDArray[np.intp]
 
 
 def directions(evaluation: Evaluation) -> Floats:

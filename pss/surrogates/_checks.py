@@ -5,14 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss.errors import RangeError
+from pss.hints import Floats
 from pss.inputs import number, place
 
 __all__ = ["check_count", "check_positive", "set_places", "turn_about_z"]
-
-Floats = NDArray[np.float64]
 
 
 def check_positive(owner: str, **sizes: float) -> None:

@@ -10,18 +10,16 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss.errors import RangeError
 from pss.files import read_bounded
+from pss.hints import Floats
 from pss.surrogates._ply import read_ply
 from pss.surrogates._polygon_files import read_obj, read_off
 from pss.surrogates._polygons import triangulated
 
 __all__ = ["FORMATS", "MOST_BYTES", "MOST_CORNERS", "read_mesh"]
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 FORMATS = ("stl", "ply", "obj", "off", "glb")
 # What may have faces of more than three corners.

@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss.errors import RangeError
+from pss.hints import Integers
 from pss.surrogates._polygon_files import FEWEST, at_line
 from pss.surrogates._polygons import Polygons
 
 __all__ = ["read_ply"]
 
-Integers = NDArray[np.int64]
 
 SPELLINGS = {
     "i1": "char int8",

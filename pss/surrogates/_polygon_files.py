@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss.errors import RangeError
+from pss.hints import Integers
 from pss.surrogates._polygons import Polygons
 
 __all__ = ["FEWEST", "at_line", "read_obj", "read_off"]
 
-Integers = NDArray[np.int64]
 
 # Corners of a face.
 FEWEST = 3

@@ -11,15 +11,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss.errors import RangeError
+from pss.hints import Bools, Floats, Integers
 
 __all__ = ["FLATNESS", "MOST_CONCAVE_CORNERS", "Polygons", "triangulated"]
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 # A corner may lie this far out of the plane of its face, over the face's extent: a fold of about 20 degrees.
 FLATNESS = 0.1

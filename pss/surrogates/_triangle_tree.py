@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
+
+from pss.hints import Bools, Floats, Integers
 
 __all__ = ["TriangleTree"]
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 # Small leaves cost more boxes, large ones more triangles. Bodies of 300 to 20,000 triangles are quickest with 8.
 LEAF_TRIANGLES = 8

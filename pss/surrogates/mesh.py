@@ -12,10 +12,10 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss.cameras.camera import as_points
 from pss.errors import GeometryError, MissingLibraryError, RangeError, ShapeError
+from pss.hints import Bools, Floats, Integers
 from pss.inputs import place, plain
 from pss.surrogates._checks import check_positive, turn_about_z
 from pss.surrogates._mesh_files import read_mesh
@@ -23,9 +23,6 @@ from pss.surrogates._triangle_tree import TriangleTree
 
 __all__ = ["Mesh"]
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 # A longer reason would push the rest out of sight.
 LONGEST_REASON = 200

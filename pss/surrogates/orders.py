@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pss.cameras.camera import as_points
 from pss.errors import RangeError, ShapeError
+from pss.hints import Floats, Integers
 from pss.surrogates._checks import check_count
 
 __all__ = ["as_cloud", "balanced_order", "farthest_point_order"]
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 def farthest_point_order(points_m: ArrayLike, count: int | None = None) -> Integers:

@@ -13,15 +13,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from pss.cameras.camera import as_points
 from pss.errors import GeometryError, RangeError, ShapeError
+from pss.hints import Bools, Floats, Integers
 from pss.inputs import labels, members, place
 from pss.surrogates._checks import turn_about_z
 from pss.surrogates.shapes import Box
 
 __all__ = ["Surrogate", "box_corners", "convex_hull", "dense_cloud", "single_point"]
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 # A unit normal read from a file with seven digits is off by less; what passes is made exact.
 NORMAL_LENGTH_TOLERANCE = 1e-6

@@ -9,16 +9,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss.errors import GeometryError
+from pss.hints import Bools, Floats
 from pss.surrogates._checks import check_positive, set_places
 from pss.surrogates.shapes import Sphere
 
 __all__ = ["Capsule", "Cylinder"]
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

@@ -13,15 +13,13 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss.errors import RangeError
+from pss.hints import Bools, Floats
 from pss.surrogates._checks import check_count, check_positive, set_places
 
 __all__ = ["GOLDEN_ANGLE", "Box", "Rectangle", "Shape", "Sphere", "any_blocks"]
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
 

@@ -12,9 +12,9 @@ from typing import Literal, get_args
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
 from pss.errors import RangeError
+from pss.hints import Floats, Integers
 from pss.surrogates._checks import check_count
 from pss.surrogates.mesh import Mesh
 from pss.surrogates.points import Surrogate
@@ -32,8 +32,6 @@ __all__ = [
     "on_sphere",
 ]
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 SamplingMethod = Literal["area-uniform", "poisson-disc"]
 
 GOLDEN_RATIO = (1 + math.sqrt(5)) / 2

@@ -12,10 +12,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import ndtri, stdtrit
 
 from pss.errors import RangeError, ShapeError
+from pss.hints import Floats, Integers
 from pss.inputs import numbers
 from pss.surrogates.orders import as_cloud, balanced_order
 from pss.surrogates.points import Surrogate
@@ -28,8 +29,6 @@ __all__ = [
     "subsample_to_tolerance",
 ]
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 # Fewer points than this tell nothing of their own standard error.
 FIRST_POINTS = 32

@@ -20,18 +20,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import expit
 
 from pss.cameras.photometry import ImageSensor
 from pss.cameras.views import Views
 from pss.errors import RangeError
+from pss.hints import Floats
 from pss.noise.calibrated import DETECTION_COEFFICIENTS, Calibration
 from pss.visibility.targets import blur_modules, contrast_over_noise, narrow_side_px
 
 __all__ = ["DETECTION_PARTS", "DetectionModel", "detection_features", "detection_model"]
 
-Floats = NDArray[np.float64]
 
 # Beside the constant and the lapse, in the order of `detection_features`.
 DETECTION_PARTS = ("size", "blur", "signal", "incidence")

@@ -17,12 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pss.hints import Floats
 from pss.processes.steady_state import resolvable
 from pss.riccati.covariances import from_six
 
 __all__ = ["Expected", "expected", "probability_of_at_least"]
 
-Floats = NDArray[np.float64]
 
 EXACT_CAMERAS = 8
 DRAWN_SETS = 4096

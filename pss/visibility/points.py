@@ -11,18 +11,16 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss.cameras.camera import PTZCamera, as_points
 from pss.cameras.views import Views
 from pss.errors import RangeError, ShapeError
+from pss.hints import Bools, Floats
 from pss.inputs import members
 from pss.surrogates import Shape, any_blocks
 
 __all__ = ["VISIBILITY_TESTS", "FieldOfView", "Occlusion", "SelfOcclusion", "VisibilityTest", "visible_points"]
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 # A line of sight ends this far in front of its point, so that the surface that bears the point does not hide it.
 CLEARANCE_M = 1e-4

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss.cameras.photometry import Appearance, ImageSensor
 from pss.cameras.views import Views
 from pss.errors import RangeError
+from pss.hints import Bools, Floats
 from pss.noise.blur import DIAMETERS_PER_SIGMA, SQUARED_LENGTHS_PER_VARIANCE, sensors_of, way_across_px, way_px
 from pss.noise.calibrated import Calibration
 from pss.noise.photometric import module_sides, sides_e
@@ -37,8 +37,6 @@ __all__ = [
     "within_limits",
 ]
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 LEAST_CONTRAST_OVER_NOISE = 2.0
 """Of white and black modules over σ of one capture at white, in one pixel: below it sharp markers are lost.

@@ -11,13 +11,12 @@ from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
-from numpy.typing import NDArray
 
 from pss import ImageSensor, PTZCamera
+from pss.hints import Floats
 
 __all__ = ["standard_attributes", "world_to_camera", "world_to_ndc"]
 
-Floats = NDArray[np.float64]
 
 FLOAT, MATRIX = oiio.TypeDesc("float"), oiio.TypeDesc("matrix")
 PAIR = oiio.TypeDesc(oiio.BASETYPE.FLOAT, oiio.AGGREGATE.VEC2)

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from pss import PTZCamera
-from render.lens.sampling import Floats32, PixelSampler
+from pss.hints import Floats, Images
+from render.lens.sampling import PixelSampler
 from render.light.lit_scene import GlowMeshes
 from render.world.state import Motion, SceneState
 
 __all__ = ["instants", "moved", "over_shutter", "travel_px"]
 
-Floats = NDArray[np.float64]
 
 # What n instants in place of the whole exposure may cost, in shares of an edge's contrast. As an edge crosses a pixel,
 # its light is a ramp; the middles of n equal parts are exact but at its two kinks: a way of L px costs L/(8 n²).
@@ -78,7 +78,7 @@ def over_shutter(samplers: Sequence[PixelSampler]) -> PixelSampler:
     With fewer samples than instants, a pixel's samples lie at as many instants, in even steps from a random first.
     """
 
-    def sampler(pixels: NDArray[np.uint32], count: int, rng: np.random.Generator) -> tuple[Floats32, Floats32]:
+    def sampler(pixels: NDArray[np.uint32], count: int, rng: np.random.Generator) -> tuple[Images]:
         used = min(count, len(samplers))
         step = len(samplers) // used
         first = int(rng.integers(step))

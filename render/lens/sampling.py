@@ -20,12 +20,12 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from scipy.stats import qmc
 
 from pss import PTZCamera
+from pss.hints import Images
 from render.lens.lens_effects import PlaceOnFilm
 from render.light.emission import Emission
 
 __all__ = ["RingLight", "Sampled", "Sampling", "film_samples", "pixel_means", "sample_image"]
 
-Floats32 = NDArray[np.float32]
 
 # A pixel is sampled anew if it needs more than this many doublings beyond what the pilot said.
 POWERS_SHORT = 1
@@ -79,9 +79,9 @@ class Sampled:
         samples: spent on all of it, the pilot's included.
     """
 
-    mean: Floats32
-    half_difference: Floats32
-    variance: Floats32
+    mean: Images
+    half_difference: Images
+    variance: Images
     samples: int
 
 
@@ -93,16 +93,16 @@ def sobol_net(count: int) -> NDArray[np.uint32]:
 
 
 # (pixel numbers (M,), samples a pixel, random numbers) -> mean and variance of the samples, (M,) each
-PixelSampler = Callable[[NDArray[np.uint32], int, np.random.Generator], tuple[Floats32, Floats32]]
+PixelSampler = Callable[[NDArray[np.uint32], int, np.random.Generator], tuple[Images, Images]]
 
 
 def sample_image(
     sampler: PixelSampler,
     resolution: tuple[int, int],
-    sensor_noise: Callable[[Floats32], Floats32],
+    sensor_noise: Callable[[Images], Images],
     sampling: Sampling,
     rng: np.random.Generator,
-    saturates: Callable[[Floats32], NDArray[np.bool_]] | None = None,
+    saturates: Callable[[Images], NDArray[np.bool_]] | None = None,
 ) -> Sampled:
     """Render an image of `resolution` (width, height) by need.
 
@@ -149,13 +149,13 @@ def sample_image(
 
 
 def _needed_exponent(
-    mean: Floats32,
-    variance: Floats32,
+    mean: Images,
+    variance: Images,
     footprint: NDArray[np.bool_],
     resolution: tuple[int, int],
-    sensor_noise: Callable[[Floats32], Floats32],
+    sensor_noise: Callable[[Images], Images],
     sampling: Sampling,
-    saturates: Callable[[Floats32], NDArray[np.bool_]] | None,
+    saturates: Callable[[Images], NDArray[np.bool_]] | None,
 ) -> NDArray[np.int64]:
     """Power of two of the samples that each pixel needs, (height · width,), by the worst in `footprint`."""
     width, height = resolution
@@ -204,9 +204,7 @@ def pixel_means(
     # Data, not constants: the same code for either.
     not_a_number, black = (dr.opaque(mi.Float, value) for value in (np.nan, 0.0))
 
-    def trace(
-        pixels: NDArray[np.uint32], count: int, shifts: NDArray[np.uint32], lost: Any
-    ) -> tuple[Floats32, Floats32]:
+    def trace(pixels: NDArray[np.uint32], count: int, shifts: NDArray[np.uint32], lost: Any) -> tuple[Images, Images]:
         index = dr.arange(mi.UInt32, len(pixels) * count)
         pixel, sample = index // count, index % count
         number = gather(pixels, pixel)
@@ -231,7 +229,7 @@ def pixel_means(
         dr.eval(mean, variance)
         return mean.numpy(), variance.numpy()
 
-    def sampler(pixels: NDArray[np.uint32], count: int, rng: np.random.Generator) -> tuple[Floats32, Floats32]:
+    def sampler(pixels: NDArray[np.uint32], count: int, rng: np.random.Generator) -> tuple[Images, Images]:
         mean, variance = traced(pixels, count, rng, not_a_number)
         # Samples that slipped through a seam are no light: their pixels are drawn anew. Lost again it is black, the
         # back of an open surface or the void.
@@ -240,9 +238,7 @@ def pixel_means(
             mean[again], variance[again] = traced(pixels[again], count, rng, black)
         return mean, variance
 
-    def traced(
-        pixels: NDArray[np.uint32], count: int, rng: np.random.Generator, lost: Any
-    ) -> tuple[Floats32, Floats32]:
+    def traced(pixels: NDArray[np.uint32], count: int, rng: np.random.Generator, lost: Any) -> tuple[Images, Images]:
         shifts = rng.integers(0, 2**32, size=(4, len(pixels)), dtype=np.uint32)
         step = max(1, RAYS_AT_ONCE // count)
         parts = [
@@ -268,7 +264,7 @@ def film_samples(scene: Any, sensor: Any, mi: Any) -> PixelSampler:
         parameters["film.crop_offset"], parameters["film.crop_size"] = offset, size
         parameters.update()
 
-    def sampler(pixels: NDArray[np.uint32], count: int, rng: np.random.Generator) -> tuple[Floats32, Floats32]:
+    def sampler(pixels: NDArray[np.uint32], count: int, rng: np.random.Generator) -> tuple[Images, Images]:
         mean = np.zeros((height, width), dtype=np.float32)
         square = np.zeros((height, width), dtype=np.float32)
         side = TILE_PX if len(pixels) < width * height else max(width, height)

@@ -11,10 +11,10 @@ from scipy.special import ndtr
 from scipy.stats import norm
 
 from pss import PTZCamera
+from pss.hints import Floats
 
 __all__ = ["circumradius", "film_position", "load_sensor", "pixel_response", "sensor_dict", "straight_film"]
 
-Floats = NDArray[np.float64]
 
 NEAR_M, FAR_M = 1e-2, 1e3
 # Steps of the table of a pixel's response, and how far its tails go in σ: beyond lie 6e-7 of the light.

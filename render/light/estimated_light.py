@@ -9,16 +9,15 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss import Appearance
+from pss.hints import Floats
 from render.light.lit_scene import appearance_of
 from render.light.radiosity import Radiosity
 from render.world.state import Panel, SceneState
 
 __all__ = ["estimated_appearance", "estimated_irradiance"]
 
-Floats = NDArray[np.float64]
 
 # A part of a panel is hidden whole or not at all, by its centre: so many parts along a side make soft shadows.
 PARTS = 4

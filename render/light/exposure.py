@@ -8,14 +8,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pss import Appearance, ImageSensor, PTZCamera, RangeError
 from pss.cameras.photometry import electrons_per_radiance
+from pss.hints import Floats
 
 __all__ = ["AutoExposure", "ExposureChoice", "choose_exposure"]
 
-Floats = NDArray[np.float64]
 
 # An exposure is rounded down to so many digits: one that people can set and say.
 DIGITS = 2

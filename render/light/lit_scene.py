@@ -14,14 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import Appearance
+from pss.hints import Floats
 from render.light.radiosity import Radiosity, UnitLight
 from render.world.geometry import THICKNESS_M, Surface, lamps, plate_corners, surfaces
 from render.world.marker_print import pattern, plate_texture
 from render.world.state import SceneState
 
 __all__ = ["GlowMeshes", "appearance", "appearance_of", "bake", "load_scene"]
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

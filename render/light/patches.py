@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss import GeometryError, Sphere
+from pss.hints import Bools, Floats
 from pss.surrogates import Mesh, Shape, any_blocks
 from render.world.geometry import Surface, lamps, surfaces, tile_sphere
 from render.world.meshes import MOST_MESH_PATCHES, mesh_patches, patches_wanted, shares
@@ -19,8 +19,6 @@ from render.world.state import SceneState
 
 __all__ = ["Patches", "scene_patches"]
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 PATCH_M = 0.5
 OBJECT_PATCH_M = 0.3

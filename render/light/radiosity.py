@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import Floats
 from pss.surrogates import Shape, any_blocks
 from render.light.patches import scene_patches
 from render.world.state import SceneState
@@ -24,7 +24,6 @@ from render.world.traced_meshes import with_traced_meshes
 
 __all__ = ["Radiosity", "UnitLight", "form_factors", "solve_light", "solve_radiosity"]
 
-Floats = NDArray[np.float64]
 
 # Receivers are lifted off their surface, since a point in a polygon's own plane or corner has no solid angle.
 LIFT_M = 1e-3

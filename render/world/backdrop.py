@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from pss import GeometryError, PSSError, RangeError, Sphere
 from pss.files import is_inside, read_bounded
+from pss.hints import Floats
 from pss.surrogates import Mesh
 from render.world.geometry import tile_sphere
 from render.world.reflectance import DEFAULT_ALBEDO, Reflectances
@@ -26,7 +27,6 @@ from render.world.state import SceneObject
 
 __all__ = ["Backdrop", "read_backdrop"]
 
-Floats = NDArray[np.float64]
 Element = ElementTree.Element
 
 SHAPES = ("obj", "ply", "rectangle", "cube", "sphere", "disk")

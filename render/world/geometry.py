@@ -8,17 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
 from pss import Box, Rectangle, Sphere
+from pss.hints import Floats, Integers
 from pss.surrogates import Mesh
 from render.world.lit_meshes import lit_mesh
 from render.world.state import Marker, Room, SceneState
 
 __all__ = ["Surface", "Tile", "lamps", "plate_corners", "surfaces", "tile_sphere"]
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 # Vertices carry the irradiance; light in a room changes over decimetres, at the edge of a soft shadow over centimetres.
 ROOM_MESH_M = 0.2

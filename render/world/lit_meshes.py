@@ -8,16 +8,14 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from pss.hints import Floats, Integers
 from pss.surrogates import Mesh
 from render.world.meshes import NORMAL_WEIGHT, SAME_M, Skin, clustered, skin, split_long
 
 __all__ = ["LitMesh", "lit_mesh"]
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 # Faces that are split to carry light; a mesh with more faces of its own keeps them, unsplit.
 MOST_SPLIT_FACES = 20_000

@@ -8,11 +8,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pss.hints import Floats
 from render.world.state import MarkerPrint
 
 __all__ = ["pattern", "plate_texture", "predefined_dictionary"]
 
-Floats = NDArray[np.float64]
 
 # Texels a module: enough that a shading gradient of 10 % across a plate steps by 0.2 % of the light.
 TEXELS_PER_MODULE = 8

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from pss.hints import Bools, Floats, Integers
 from pss.surrogates import Mesh
 
 __all__ = [
@@ -28,9 +28,6 @@ __all__ = [
     "split_long",
 ]
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 # All meshes of a scene together: the form factors are a dense matrix, patches by patches.
 MOST_MESH_PATCHES = 1500

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss import Box, RangeError, Rectangle, Sphere
+from pss.hints import Floats
 from pss.surrogates import Mesh
 
 __all__ = ["Light", "Marker", "MarkerPrint", "Motion", "Panel", "Room", "SceneObject", "SceneState"]
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

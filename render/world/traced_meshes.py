@@ -11,14 +11,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import Bools, Floats
 from pss.surrogates import Mesh, Shape
 
 __all__ = ["TracedMeshes", "joined_meshes", "with_traced_meshes"]
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 # Rays of several threads would wait for each other inside Dr.Jit, which uses all cores by itself.
 ONE_AT_A_TIME = threading.Lock()

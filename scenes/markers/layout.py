@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pss import Rectangle, Sphere
+from pss.hints import Floats
 from render.world.state import Marker
 from scenes.schema.dictionaries import Dictionary
 from scenes.schema.scene_tables import GridSpec, PlacedSpec, SpiralSpec
@@ -22,7 +23,6 @@ __all__ = [
     "plate_side_m",
 ]
 
-Floats = NDArray[np.float64]
 
 # A plate in the very surface it is glued to would be hit by half of the rays only; 0.5 mm is stout paper.
 PLATE_OFFSET_M = 0.5e-3

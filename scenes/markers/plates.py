@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss import Box, Rectangle, Sphere
+from pss.hints import Bools, Floats
 from pss.surrogates import Mesh, Shape, any_blocks
 from render.world.meshes import skin
 from render.world.state import Marker
@@ -22,8 +22,6 @@ from scenes.mesh_file import holds
 
 __all__ = ["Seat", "Solid", "Under", "crosses", "places", "seat", "stand_off_problem", "surface_under"]
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 Solid = Rectangle | Sphere | Box | Mesh
 
 # The plate is judged on this many places each way, its rim among them.

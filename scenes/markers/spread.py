@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import Floats
 from pss.surrogates import Mesh, Shape, farthest_point_order, on_mesh
 from render.world.state import Marker
 from scenes.markers.layout import PLATE_OFFSET_M, marker_at, upwards
@@ -15,7 +15,6 @@ from scenes.markers.plates import crosses, seat
 
 __all__ = ["Spread", "spread_over"]
 
-Floats = NDArray[np.float64]
 
 # Places that are tried, until there is room for all markers: as many whatever the number of markers, so that as many as
 # a message allows do fit.

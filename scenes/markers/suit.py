@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import RangeError
+from pss.hints import Floats
 from pss.surrogates import Mesh
 from render.world.state import Marker
 from scenes.markers.layout import marker_at, upwards
@@ -24,7 +25,6 @@ from scenes.schema.avatar import AvatarSpec, stance_of
 
 __all__ = ["SUIT_KEYS", "SUIT_SIZE", "ids_on", "suit_markers", "worn_by"]
 
-Floats = NDArray[np.float64]
 
 FRONT, BACK, RIGHT, LEFT, TOP = (0, 1, 0), (0, -1, 0), (1, 0, 0), (-1, 0, 0), (0, 0, 1)
 

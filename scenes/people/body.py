@@ -14,15 +14,13 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import Floats, Integers
 from pss.surrogates import Mesh
 from scenes.people.gait import joints
 
 __all__ = ["PARTS", "Frame", "frames", "part"]
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 # ---- proportions, in body heights ------------------------------------------------------------------------------------
 

@@ -13,11 +13,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 __all__ = ["NATURAL_STRIDE", "Joints", "joints", "phase_at", "stride_of_speed"]
 
-Floats = NDArray[np.float64]
 
 # The stride to which the curves belong, in body heights: at another one all angles are larger or smaller in proportion.
 NATURAL_STRIDE = 0.8

@@ -25,11 +25,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.stats
-from numpy.typing import NDArray
 
 from pss import PTZCamera, RangeError
 from pss.cameras.camera import MAX_ABS_TILT_DEG
 from pss.cameras.views import Views
+from pss.hints import Floats
 from pss.noise import PixelCovariance
 from render.renderer import random_stream
 from validate.bank.measured import BankData
@@ -48,7 +48,6 @@ __all__ = [
     "without_blunders",
 ]
 
-Floats = NDArray[np.float64]
 
 # pan, tilt, relative focal length, x, y, z.
 ERRORS = 6

@@ -15,14 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss.cameras.views import Views
+from pss.hints import Floats
 from pss.riccati.covariances import largest_standard_deviation, root_trace
 from validate.bank.calibration_predicted import inverse_where_known, second_moments
 from validate.bank.measured import BankData, measure_all
 from validate.points.measured_errors import measured_inverse_sigma
 
 __all__ = ["MeasuredMoments", "carried_through", "triangulated"]
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,15 +14,13 @@ from numpy.typing import NDArray
 
 from pss import NoiseModel
 from pss.cameras.views import Views
+from pss.hints import Bools, Floats
 from pss.noise import PixelCovariance
 from pss.processes.steady_state import SMALLEST_INFORMATION_RATIO
 from pss.riccati.covariances import largest_standard_deviation, root_trace
 from validate.bank.calibration_errors import CalibrationNoise, CalibrationSizes
 
 __all__ = ["PredictedErrors", "Predictions", "inverse_sigma", "second_moments"]
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pss.hints import Floats, Row
 from validate.bank.calibration_errors import (
     PTZ_SIZES,
     CalibrationSizes,
@@ -33,8 +34,6 @@ from validate.stats.ranking import Judged, Ranked, Resamples
 
 __all__ = ["DRAWS", "EACH_FRAME", "FROZEN", "IN_WEIGHTS", "OVER", "OWN", "WITHIN", "study"]
 
-Floats = NDArray[np.float64]
-Row = dict[str, object]
 
 # Values of the columns `kind`, `judged` and `weights`.
 EACH_FRAME, FROZEN = "each frame", "frozen"

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss import NoiseModel
 from pss.cameras.views import Views
+from pss.hints import Floats, Row
 from pss.riccati.covariances import root_trace
 from pss.visibility.points import VisibilityTest
 from validate.acquire.acquire import Acquired
@@ -22,8 +22,6 @@ from validate.stats.ranking import Judged, judge_against, with_interval
 
 __all__ = ["attenuation_ceiling", "oracle_rows", "parts_rows"]
 
-Floats = NDArray[np.float64]
-Row = dict[str, object]
 
 # A view is known to find a marker if it does so in this share of the trials.
 FOUND_SHARE = 0.5

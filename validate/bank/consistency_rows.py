@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from pss import NoiseModel
 from pss.cameras.views import Views
+from pss.hints import Floats, Row
 from validate.acquire.acquire import Acquired
 from validate.bank.design import ViewBank
 from validate.bank.filtered import Filtered
@@ -21,9 +22,6 @@ from validate.stats.consistency import anisotropy, of_errors, of_moments, pooled
 from validate.stats.ranking import Resamples, with_interval
 
 __all__ = ["blunder_row", "consistency_rows", "pixel_rows"]
-
-Floats = NDArray[np.float64]
-Row = dict[str, object]
 
 
 def pixel_rows(bank: ViewBank, data: BankData, acquired: Acquired, models: Sequence[NoiseModel]) -> list[Row]:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from pss import PTZCamera, RangeError
 from pss.cameras.camera import MAX_ABS_TILT_DEG
+from pss.hints import Floats
 from render.lens.sampling import Sampling
 from render.renderer import random_stream
 from scenes import Scene
@@ -35,7 +36,6 @@ __all__ = [
     "training_views",
 ]
 
-Floats = NDArray[np.float64]
 
 # A training camera stands this far from the walls, at a height between these shares of the room's.
 FROM_WALL_M = 0.2

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pss import DetectionModel
 from pss.cameras.views import Views
+from pss.hints import Floats, Row
 from pss.visibility.points import VisibilityTest, visible_in
 from pss.visibility.targets import TARGET_VISIBILITY
 from validate.acquire.acquire import Acquired
@@ -23,8 +24,6 @@ from validate.stats.shares import share_interval
 
 __all__ = ["detection_rows", "reliability_rows"]
 
-Floats = NDArray[np.float64]
-Row = dict[str, object]
 
 # Ends of the bins of predicted probability.
 BINS = (0.0, 0.05, 0.2, 0.4, 0.6, 0.8, 0.95, 1.0)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from pss.hints import Row
 from validate.bank.leaderboard import CountVerdict, yardsticks
 from validate.stats.ranking import Ranked, with_interval
 
 __all__ = ["METRICS_OF_R", "difference_rows"]
 
-Row = dict[str, object]
 
 # The paper's metric, of the filter and of one frame.
 METRICS_OF_R = ("pss", "pss-single-frame")

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pss.hints import Floats
 from pss.processes.process import ProcessModel
 from pss.riccati.covariances import largest_standard_deviation
 from render.renderer import random_stream
@@ -27,7 +28,6 @@ from validate.prediction.process_levels import Level, headline_of
 
 __all__ = ["Filtered", "filter_all"]
 
-Floats = NDArray[np.float64]
 Job = tuple[tuple[int, ...], NDArray[np.bool_], NDArray[np.bool_]]
 
 # Simulated filters a point. Each gives one error, of its last frame.

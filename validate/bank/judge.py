@@ -58,8 +58,6 @@ __all__ = [
     "visibilities",
 ]
 
-Floats = NDArray[np.float64]
-Row = dict[str, object]
 
 # Models that need no measurement.
 FREE_MODELS = ("as-printed", "corrected", "physical", "identity")

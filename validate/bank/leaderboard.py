@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import METRICS
+from pss.hints import Floats, Row
 from validate.bank.measured import ConfigurationErrors
 from validate.bank.predicted import Predicted
 from validate.points.measured_errors import measured_inverse_sigma
@@ -20,8 +21,6 @@ from validate.stats.regret import Choices, Picked, Regrets, numbers_of
 
 __all__ = ["CountVerdict", "Yardstick", "leaderboard", "yardsticks"]
 
-Floats = NDArray[np.float64]
-Row = dict[str, object]
 
 # Errors are tenths of a millimetre: a share under 5 mm only counts what was triangulated.
 UNDER_MM = (5, 0.02, 0.05, 0.1, 0.2)

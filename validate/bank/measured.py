@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import PTZCamera
+from pss.hints import Floats
 from pss.processes.process import ProcessModel
 from validate.bank.processes import workers_context
 from validate.points.filter_moments import steady_moments
@@ -25,7 +26,6 @@ from validate.points.triangulate import detection_weights, triangulated_points
 
 __all__ = ["BankData", "ConfigurationErrors", "measure_all", "residual_moments"]
 
-Floats = NDArray[np.float64]
 Views = tuple[int, ...]
 
 

@@ -11,10 +11,10 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss import METRICS, Appearance, DetectionModel, Evaluation, NoiseModel, PTZCamera, evaluate_many
 from pss.cameras.views import Views
+from pss.hints import Bools, Floats
 from pss.noise.covariance import PixelCovariance
 from pss.processes.process import ProcessModel
 from pss.surrogates import Shape
@@ -23,8 +23,6 @@ from validate.bank.processes import workers_context
 
 __all__ = ["Contender", "GivenCovariance", "GivenVisibility", "Predicted", "PredictionTask", "predict_all"]
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 # Configurations evaluated in one call: views that they share are looked at once.
 TOGETHER = 50

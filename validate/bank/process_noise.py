@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import Floats, Row
 from pss.metric.names import CAMERAS_TO_OBSERVE
 from pss.processes.process import ProcessModel
 from pss.processes.steady_state import of_state
@@ -28,8 +28,6 @@ from validate.stats.ranking import Ranked, with_interval
 
 __all__ = ["filter_terms", "information_of", "process_levels", "process_rows", "steady_covariances"]
 
-Floats = NDArray[np.float64]
-Row = dict[str, object]
 
 # Configurations of training views that the rule of the headline looks at.
 TRAINING_CONFIGURATIONS = 200

@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from pss import NoiseModel, noise_model
+from pss.hints import Row
 from pss.visibility.points import VisibilityTest
 from scenes import Scene
 from validate.acquire.acquire import Acquired
@@ -25,7 +26,6 @@ from validate.sweeps.scale_of_r import scaled
 
 __all__ = ["scale_rows", "sensitivity_rows", "variants"]
 
-Row = dict[str, object]
 
 # Neither constant has a value in the paper: each is tried a factor of ten up and down, the other as it is.
 BAND = (0.1, 1.0, 10.0)

@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import Floats, Row
 from validate.bank.leaderboard import CountVerdict
 from validate.stats.consistency import FEWEST_TRIALS, root_trace_of
 
 __all__ = ["BINS", "binned", "size_rows"]
 
-Floats = NDArray[np.float64]
-Row = dict[str, object]
 
 # Bins of as many cells each; fewer where not each would have `FEWEST_CELLS`.
 BINS, FEWEST_CELLS = 10, 20

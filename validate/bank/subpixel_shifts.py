@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import PTZCamera
+from pss.hints import Floats
 from validate.markers.view_measurement import ViewMeasurement
 
 __all__ = ["carried_back", "joined", "turned"]
 
-Floats = NDArray[np.float64]
 
 # Pixels, on either side: several periods of the pixel grid, and nothing else changes.
 LARGEST_TURN_PX = 2.0

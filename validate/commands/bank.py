@@ -13,6 +13,7 @@ import tyro
 from rich.table import Table
 
 from pss import RangeError
+from pss.hints import Row
 from pss.json_text import json_text
 from pss.noise import Calibration
 from render import backend
@@ -61,7 +62,6 @@ from validate.sweeps.rows import write_csv
 
 __all__ = ["run"]
 
-Row = dict[str, object]
 
 SECOND_SCENE = "atrium.toml"
 COUNTS = (2, 3, 4, 6)

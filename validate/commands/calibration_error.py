@@ -10,6 +10,7 @@ import tyro
 from rich.table import Table
 
 from pss.cameras.views import Views
+from pss.hints import Row
 from pss.json_text import json_text
 from pss.visibility.points import visible_in
 from render import backend
@@ -37,7 +38,6 @@ __all__ = ["main", "run", "without_effect"]
 # What the project's scenes list; nothing is expected of it here.
 USUAL_MODELS = ("as-printed", "corrected", "physical")
 
-Row = dict[str, object]
 
 CAMERAS = 4
 # Columns of sizes, and what they are multiplied by to be degrees, % and mm.

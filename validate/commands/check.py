@@ -13,6 +13,7 @@ import tyro
 from rich.table import Table
 
 from pss import RangeError
+from pss.hints import Row
 from scenes import load_scene
 from scenes.reading.document import named_file, read_toml
 from validate.markers.darkness import light_words
@@ -27,7 +28,6 @@ __all__ = ["main", "run"]
 
 SCENES = Path(__file__).parents[2] / "scenes"
 DRAWINGS = (".png", ".pdf", ".svg")
-Row = dict[str, object]
 _COUNTS = ("markers_visible", "whole", "too_small", "too_blurred", "too_dark", "likely_found")
 
 

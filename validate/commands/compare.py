@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 import tyro
 from rich.table import Table
 
+from pss.hints import Row
 from validate.comparison.cells import cells
 from validate.comparison.matching import QUANTITIES, Quantity, matched
 from validate.comparison.sides import Side, settings_rows, sides_of
@@ -21,7 +22,6 @@ from validate.store.folder import StoreError
 
 __all__ = ["compared", "main", "run"]
 
-Row = dict[str, object]
 
 # Wide enough that no interval is broken.
 COLUMNS_FOR_KEYS, COLUMNS_A_RUN = 60, 60

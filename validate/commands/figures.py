@@ -11,6 +11,7 @@ import tyro
 from matplotlib.figure import Figure
 
 from pss import RangeError
+from pss.hints import Row
 from render import backend
 from render.lens.sampling import Sampling
 from scenes import load_scene, load_sweep
@@ -29,7 +30,6 @@ from validate.sweeps.view_names import view_names
 
 __all__ = ["main", "run"]
 
-Row = dict[str, object]
 
 FIGURES = (1, 2, 3, 4)
 SCHEDULE = "hallway"

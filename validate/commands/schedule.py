@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 import tyro
 from rich.table import Table
 
+from pss.hints import Row
 from pss.json_text import json_text
 from pss.noise import Calibration
 from render import backend
@@ -51,8 +52,6 @@ from validate.tracked_walk.frames import real_walk_of, track_real_walk
 from validate.tracked_walk.requested_views import Wanted
 
 __all__ = ["main", "run"]
-
-Row = dict[str, object]
 
 
 def run(

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
+from pss.hints import ReadOnlyRow
 from validate.runs.table_text import written
 
 __all__ = ["cell", "cells", "value_text"]
 
-Row = Mapping[str, object]
 
-
-def cells(row: Row, labels: Sequence[str], what: str) -> Iterator[str]:
+def cells(row: ReadOnlyRow, labels: Sequence[str], what: str) -> Iterator[str]:
     """The cells of the sides in order: of each but the first also its ratio or difference (`what`) to the first."""
     for number, label in enumerate(labels):
         yield cell(row, label)
@@ -20,7 +19,7 @@ def cells(row: Row, labels: Sequence[str], what: str) -> Iterator[str]:
             yield cell(row, f"{label}_{what}") + (" *" if row.get(f"{label}_apart") == "yes" else "")
 
 
-def cell(row: Row, name: str) -> str:
+def cell(row: ReadOnlyRow, name: str) -> str:
     """A column with its interval, "0.71 [0.6, 0.83]"; "" for nan."""
     value, low, high = (row.get(key, math.nan) for key in (name, f"{name}_ci_low", f"{name}_ci_high"))
     assert isinstance(value, float)

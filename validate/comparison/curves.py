@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import Floats
 from validate.comparison.axes import ratio_ticks, side_style
 from validate.comparison.series import OWN, Group, Series, leading
 from validate.pages.figure import Choice, Columns, Figure, plain, ref
@@ -16,7 +16,6 @@ from validate.plots.sweep import AXIS_NAMES
 
 __all__ = ["curves_figure", "moved_figure", "pair_choice"]
 
-Floats = NDArray[np.float64]
 
 # Beyond the data of a logarithmic axis.
 ROOM_FOR_AXIS = 1.15

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
 import numpy as np
 
+from pss.hints import ReadOnlyRow
 from validate.comparison.axes import side_style
 from validate.pages.empty_rows import NO_ORDER, Sign, empty_row_words
 from validate.pages.figure import Choice, Columns, Figure, plain, ref
@@ -18,7 +19,6 @@ from validate.pages.style import GREY, LOG_AXIS, layout
 
 __all__ = ["Dots", "dots_figure"]
 
-Row = Mapping[str, object]
 
 # Rows of a figure lie one apart; the sides share this much of it.
 ROW_SHARE = 0.5
@@ -58,7 +58,7 @@ class Dots:
     title: str
     caption: str
     axis: str
-    rows: Sequence[Row]
+    rows: Sequence[ReadOnlyRow]
     down: str
     as_ratio: bool
 
@@ -145,7 +145,7 @@ def _trace(number: int, name: str, column: str, axis: str, hover: str) -> dict[s
     }
 
 
-def _choice(key: str, rows: Sequence[Row]) -> Choice:
+def _choice(key: str, rows: Sequence[ReadOnlyRow]) -> Choice:
     values = [value for value in dict.fromkeys(str(row[key]) for row in rows) if value or key != "noise_model"]
     first = next((value for value in FIRST if value in values), values[-1] if key == "cameras" and values else "")
     return Choice(
@@ -156,20 +156,22 @@ def _choice(key: str, rows: Sequence[Row]) -> Choice:
     )
 
 
-def _follows(key: str, before: Sequence[str], rows: Sequence[Row]) -> bool:
+def _follows(key: str, before: Sequence[str], rows: Sequence[ReadOnlyRow]) -> bool:
     """Whether another column's value says this one's, as a sweep has its number of cameras."""
     return any(
         len({(row[other], row[key]) for row in rows}) == len({row[other] for row in rows}) > 1 for other in before
     )
 
 
-def _fits(row: Row, name: str, value: str) -> bool:
+def _fits(row: ReadOnlyRow, name: str, value: str) -> bool:
     """What knows no noise model is beside each."""
     own = str(row[name.removeprefix("by_")])
     return own == value or (name == "by_noise_model" and not own)
 
 
-def _columns(stem: str, rows: Sequence[Row], dots: Dots, labels: Sequence[str], names: Sequence[str]) -> Columns:
+def _columns(
+    stem: str, rows: Sequence[ReadOnlyRow], dots: Dots, labels: Sequence[str], names: Sequence[str]
+) -> Columns:
     """What is drawn for one way to set the choices."""
     if len(rows) > SORTED_FROM:
         rows = sorted(rows, key=lambda row: -np.nan_to_num(_number(row, labels[0]), nan=-np.inf))
@@ -211,5 +213,5 @@ NO_ROWS = {
 }
 
 
-def _number(row: Row, name: str) -> float:
+def _number(row: ReadOnlyRow, name: str) -> float:
     return float(str(row.get(name, math.nan)))

@@ -13,11 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pss.hints import CsvRow
 from validate.comparison.sides import Side
 
 __all__ = ["QUANTITIES", "Quantity", "matched", "matched_rows", "separate"]
-
-Row = Mapping[str, str]
 
 
 @dataclass(frozen=True)
@@ -103,7 +102,7 @@ def matched(sides: Sequence[Side], quantity: Quantity) -> list[dict[str, object]
 
 
 def matched_rows(
-    tables: Mapping[str, Sequence[Row]], quantity: Quantity, chosen: Sequence[str] = ()
+    tables: Mapping[str, Sequence[CsvRow]], quantity: Quantity, chosen: Sequence[str] = ()
 ) -> list[dict[str, object]]:
     """A row for each key that all `tables` have: value and interval of each side, and those against the first side.
 
@@ -167,15 +166,15 @@ def _exp(values: tuple[float, float, float]) -> tuple[float, float, float]:
     return a, b, c
 
 
-def _first_by_key(rows: Sequence[Row], keys: Sequence[str]) -> dict[tuple[str, ...], Row]:
+def _first_by_key(rows: Sequence[CsvRow], keys: Sequence[str]) -> dict[tuple[str, ...], CsvRow]:
     """Rows that differ in nothing but what the quantity does not depend on are one."""
-    found: dict[tuple[str, ...], Row] = {}
+    found: dict[tuple[str, ...], CsvRow] = {}
     for row in rows:
         found.setdefault(tuple(row[key] for key in keys), row)
     return found
 
 
-def _numbers(row: Row, quantity: Quantity) -> tuple[float, float, float]:
+def _numbers(row: CsvRow, quantity: Quantity) -> tuple[float, float, float]:
     value, low, high = (_number(row.get(column, "")) for column in (quantity.value, quantity.low, quantity.high))
     return value, low, high
 

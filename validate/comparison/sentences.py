@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import Floats
 from validate.comparison.cells import value_text
 from validate.comparison.matching import QUANTITIES, matched
 from validate.comparison.series import Group, Series, leading, same_measurement
@@ -28,7 +28,6 @@ __all__ = [
     "ranked_findings",
 ]
 
-Floats = NDArray[np.float64]
 
 # A prediction that moves by less has not moved: the tables keep seven digits, a reader three.
 UNMOVED = 0.005

@@ -7,16 +7,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import Floats, ReadOnlyRow
 from validate.comparison.matching import QUANTITIES, STEP, matched
 from validate.comparison.sides import Side
 
 __all__ = ["OWN", "PAIRS", "Group", "Pair", "Series", "groups_of", "leading", "same_measurement"]
 
-Floats = NDArray[np.float64]
-Row = Mapping[str, object]
-StepOf = Callable[[Row], str]
+StepOf = Callable[[ReadOnlyRow], str]
 
 OWN = "each side’s own"
 """Stands for the noise model where the sides were given one each."""
@@ -103,7 +101,7 @@ def groups_of(sides: Sequence[Side]) -> list[Group]:
 
 def _sweeps(sides: Sequence[Side]) -> list[Group]:
     by_column = {q.value: matched(sides, q) for name in ("measured", "predicted") for q in QUANTITIES[name]}
-    rows: list[tuple[Pair, str, Row]] = [
+    rows: list[tuple[Pair, str, ReadOnlyRow]] = [
         (pair, column, row)
         for pair in PAIRS
         for column in (pair.measured, pair.predicted)
@@ -112,14 +110,14 @@ def _sweeps(sides: Sequence[Side]) -> list[Group]:
     return _grouped(sides, rows, _name_of, lambda row: str(row.get("value", row.get("step", ""))))
 
 
-def _name_of(row: Row) -> str:
+def _name_of(row: ReadOnlyRow) -> str:
     return ", ".join(str(row[key]) for key in STEP if key not in ("step", "value", "parameter") and row.get(key))
 
 
 def _strategies(sides: Sequence[Side]) -> list[Group]:
     (quantity,) = QUANTITIES["strategies"]
     only = dict(quantity.only or {})
-    rows: list[tuple[Pair, str, Row]] = []
+    rows: list[tuple[Pair, str, ReadOnlyRow]] = []
     for row in matched(sides, quantity):
         if any(row.get(key, allowed[0]) not in allowed for key, allowed in only.items()):
             continue
@@ -131,7 +129,10 @@ def _strategies(sides: Sequence[Side]) -> list[Group]:
 
 
 def _grouped(
-    sides: Sequence[Side], rows: Sequence[tuple[Pair, str, Row]], group_of: Callable[[Row], str], step_of: StepOf
+    sides: Sequence[Side],
+    rows: Sequence[tuple[Pair, str, ReadOnlyRow]],
+    group_of: Callable[[ReadOnlyRow], str],
+    step_of: StepOf,
 ) -> list[Group]:
     """Rows (pair, its column, matched row) as arrays."""
     found = []
@@ -169,7 +170,9 @@ def _grouped(
     return found
 
 
-def _arrays(sides: Sequence[Side], rows: Sequence[Row], steps: Sequence[str], step_of: StepOf) -> tuple[Floats, Floats]:
+def _arrays(
+    sides: Sequence[Side], rows: Sequence[ReadOnlyRow], steps: Sequence[str], step_of: StepOf
+) -> tuple[Floats, Floats]:
     """(K, S, 3) of the sides and (K - 1, S, 3) of their ratios to the first."""
     values = np.full((len(sides), len(steps), 3), math.nan)
     ratios = np.full((len(sides) - 1, len(steps), 3), math.nan)
@@ -183,5 +186,5 @@ def _arrays(sides: Sequence[Side], rows: Sequence[Row], steps: Sequence[str], st
     return values, ratios
 
 
-def _limits(row: Row, name: str) -> list[float]:
+def _limits(row: ReadOnlyRow, name: str) -> list[float]:
     return [float(str(row.get(key, math.nan))) for key in (name, f"{name}_ci_low", f"{name}_ci_high")]

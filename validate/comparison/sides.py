@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pss.hints import CsvRow
 from pss.json_text import json_text
 from scenes.errors import nearest
 from validate.runs.csv_file import read_csv, read_head
@@ -16,7 +17,6 @@ from validate.store.folder import StoreError
 
 __all__ = ["Side", "settings_rows", "sides_of"]
 
-Row = dict[str, str]
 
 # What may differ between two runs of one thing, or says no more than the rest.
 NOT_SETTINGS = (
@@ -47,7 +47,7 @@ class Side:
     folder: Path
     chosen: Mapping[str, str]
 
-    def table(self, name: str) -> list[Row] | None:
+    def table(self, name: str) -> list[CsvRow] | None:
         """The rows of `name`.csv that are meant; None if the run left no such table, or one without a chosen column."""
         path = self.folder / f"{name}.csv"
         if not os.path.lexists(path):

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from pss.hints import CsvRow
 from validate.findings.calibration_error import calibration_error_sentences
 from validate.findings.contenders import CALIBRATED, contenders_in
 from validate.findings.places import COUNT, FILTER, HEADLINE, SHARE, SINGLE_FRAME, Place, places_of_reference
 from validate.findings.sentences import with_population
-from validate.runs.csv_rows import NOTHING, Row, all_of, markdown_table, number, percent, read_tables, with_range
+from validate.runs.csv_rows import NOTHING, all_of, markdown_table, number, percent, read_tables, with_range
 
 __all__ = ["BANK_BLOCKS"]
 
@@ -48,12 +49,12 @@ def _neutral(reference: Path) -> str:
     return markdown_table(["measure", *(place.title for place in places)], rows)
 
 
-def _beside_the_count(row: Row | None) -> str:
+def _beside_the_count(row: CsvRow | None) -> str:
     rho = with_range((row or {}).get("spearman", ""), "", "")
     return rho if rho == NOTHING else f"{rho} ({number(row, 'minus_visibility_count')})"
 
 
-def _of_four(place: Place, **wanted: str) -> list[Row]:
+def _of_four(place: Place, **wanted: str) -> list[CsvRow]:
     """The leaderboard of four cameras."""
     return all_of(place.rows("leaderboard"), cameras=HEADLINE, **wanted)
 
@@ -100,7 +101,7 @@ def _tied(reference: Path) -> str:
     return str(sum(float(row["rank_ci_low"]) <= high and low <= float(row["rank_ci_high"]) for row in rows))
 
 
-def _is_twin(row: Row) -> bool:
+def _is_twin(row: CsvRow) -> bool:
     """Whether another pair orders the configurations the same way."""
     return bool(row.get("twin_of"))
 

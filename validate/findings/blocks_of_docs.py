@@ -6,9 +6,10 @@ import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from pss.hints import CsvRow
 from validate.findings.places import places_of_reference
 from validate.findings.process import SCENES_STEP_MM
-from validate.runs.csv_rows import NOTHING, Row, all_of, number, read_tables, value_of
+from validate.runs.csv_rows import NOTHING, all_of, number, read_tables, value_of
 
 __all__ = ["DOCS_BLOCKS"]
 
@@ -68,7 +69,7 @@ def _person(reference: Path) -> str:
     return f"{_two_digits(ratio)} at {rate_hz:.0f} frames/s and 1 at {_two_digits(of_one)}"
 
 
-def _levels(reference: Path) -> list[Row]:
+def _levels(reference: Path) -> list[CsvRow]:
     return list(read_tables(reference / "bank").get("process", ()))
 
 

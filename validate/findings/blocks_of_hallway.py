@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from pss.hints import CsvRow
 from validate.findings.blocks_of_sweeps import table_text
-from validate.runs.csv_rows import Row, all_of, number, read_tables, with_range
+from validate.runs.csv_rows import all_of, number, read_tables, with_range
 
 __all__ = ["HALLWAY_BLOCKS"]
 
@@ -69,12 +70,12 @@ def _claims(reference: Path) -> str:
     return table_text(heads, lines)
 
 
-def _place(row: Row) -> str:
+def _place(row: CsvRow) -> str:
     """The zoom limit; not where a figure is highest."""
     return row["at"] if row["at"].startswith(("zoom limit", "x")) else ""
 
 
-def _cell(rows: list[Row], side: str, model: str) -> str:
+def _cell(rows: list[CsvRow], side: str, model: str) -> str:
     """Whether it holds, the ratio, and its two factors: of the counts of markers, and of PSS per marker."""
     found = all_of(rows, side=side, noise_model=model)
     if not found:

@@ -7,7 +7,8 @@ import statistics
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from validate.runs.csv_rows import Row, all_of, number, one_of, percent, read_tables, with_range
+from pss.hints import CsvRow
+from validate.runs.csv_rows import all_of, number, one_of, percent, read_tables, with_range
 
 __all__ = ["SWEEP_BLOCKS", "table_text"]
 
@@ -127,7 +128,7 @@ def _budget(reference: Path) -> str:
     )
 
 
-def _range(rows: Sequence[Row], name: str) -> str:
+def _range(rows: Sequence[CsvRow], name: str) -> str:
     low, high = (f"{of(float(row[name]) for row in rows):.2f}" for of in (min, max))
     return low if low == high else f"{low} to {high}"
 

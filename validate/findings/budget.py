@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from validate.runs.csv_rows import Row, all_of
+from pss.hints import CsvRow
+from validate.runs.csv_rows import all_of
 
 __all__ = ["budget_findings"]
 
@@ -12,7 +13,7 @@ MODEL = "physical"
 FACTORS = {"visibility": "visibility", "noise_model": "noise model", "detector": "detector", "geometry": "geometry"}
 
 
-def budget_findings(rows: Sequence[Row]) -> str:
+def budget_findings(rows: Sequence[CsvRow]) -> str:
     """A table of the factors' lowest and highest over the steps of each sweep, by the physical noise model."""
     heads = ("sweep", "steps", "measured / predicted", *FACTORS.values())
     lines = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]

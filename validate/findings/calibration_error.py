@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from validate.runs.csv_rows import Row, with_range
+from pss.hints import CsvRow
+from validate.runs.csv_rows import with_range
 
 __all__ = ["LOST", "calibration_error_findings", "calibration_error_sentences"]
 
@@ -30,7 +31,7 @@ COLUMNS = (
 )
 
 
-def calibration_error_findings(rows: Sequence[Row]) -> str:
+def calibration_error_findings(rows: Sequence[CsvRow]) -> str:
     """The sentences, then a table with a line for each size."""
     heads = ("pan, tilt", "focal length", "place", "RMS in mm", *(head for head, *_ in COLUMNS))
     lines = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]
@@ -46,7 +47,7 @@ def calibration_error_findings(rows: Sequence[Row]) -> str:
     return calibration_error_sentences(rows) + "\n\n" + "\n".join(lines)
 
 
-def calibration_error_sentences(rows: Sequence[Row]) -> str:
+def calibration_error_sentences(rows: Sequence[CsvRow]) -> str:
     """From which errors on the ranking is lost over calibrations and within one, and what terms for them give back."""
     none = _row(rows, (0.0, 0.0, 0.0), EACH_FRAME, OWN)
     assert none is not None
@@ -86,12 +87,12 @@ def calibration_error_sentences(rows: Sequence[Row]) -> str:
     return " ".join(parts)
 
 
-def _within(rows: Sequence[Row]) -> str:
+def _within(rows: Sequence[CsvRow]) -> str:
     lost = _lost(rows, FROZEN)
     return f"; within one frozen calibration from {lost} on" if lost else ""
 
 
-def _lost(rows: Sequence[Row], population: tuple[str, str]) -> str:
+def _lost(rows: Sequence[CsvRow], population: tuple[str, str]) -> str:
     """The smallest size of each kind of error, by itself, that costs more than `LOST`."""
     none = _row(rows, (0.0, 0.0, 0.0), population, OWN)
     if none is None:
@@ -110,7 +111,7 @@ def _lost(rows: Sequence[Row], population: tuple[str, str]) -> str:
     return ", ".join(found) or "no size that was tried"
 
 
-def _in_weights(rows: Sequence[Row], size: tuple[float, ...], population: tuple[str, str]) -> str:
+def _in_weights(rows: Sequence[CsvRow], size: tuple[float, ...], population: tuple[str, str]) -> str:
     row = _row(rows, size, population, IN_WEIGHTS)
     return f", in triangulation's weights too {_rho(row, 'with_term')}." if row else "."
 
@@ -119,11 +120,11 @@ def _words(size: tuple[float, ...]) -> str:
     return ", ".join(unit(value) for value, (_, _, unit) in zip(size, KINDS, strict=True))
 
 
-def _size(row: Row) -> tuple[float, ...]:
+def _size(row: CsvRow) -> tuple[float, ...]:
     return tuple(float(row[column]) for column, *_ in KINDS)
 
 
-def _row(rows: Sequence[Row], size: tuple[float, ...], population: tuple[str, str], weights: str) -> Row | None:
+def _row(rows: Sequence[CsvRow], size: tuple[float, ...], population: tuple[str, str], weights: str) -> CsvRow | None:
     """The row of a size; tables of an earlier version have errors of each frame alone, without these columns."""
     for row in rows:
         of = (row.get("kind", EACH_FRAME[0]), row.get("judged", EACH_FRAME[1]))
@@ -132,9 +133,9 @@ def _row(rows: Sequence[Row], size: tuple[float, ...], population: tuple[str, st
     return None
 
 
-def _extremes(row: Row, name: str) -> str:
+def _extremes(row: CsvRow, name: str) -> str:
     return " to ".join(f"{float(row[f'spearman_{name}_{end}']):.2f}" for end in ("least", "most"))
 
 
-def _rho(row: Row, name: str) -> str:
+def _rho(row: CsvRow, name: str) -> str:
     return with_range(*(row[f"spearman_{name}{end}"] for end in ("", "_low", "_high")))

@@ -5,7 +5,8 @@ from __future__ import annotations
 import statistics
 from collections.abc import Sequence
 
-from validate.runs.csv_rows import NOTHING, Row, all_of, markdown_table, number
+from pss.hints import CsvRow
+from validate.runs.csv_rows import NOTHING, all_of, markdown_table, number
 
 __all__ = ["factor_findings"]
 
@@ -24,7 +25,7 @@ WORDS = {
 }
 
 
-def factor_findings(rows: Sequence[Row]) -> str:
+def factor_findings(rows: Sequence[CsvRow]) -> str:
     """A table of log-log slopes, and one of how near each model's are."""
     lines = []
     for sweep in dict.fromkeys(row["sweep"] for row in rows):
@@ -47,12 +48,12 @@ def factor_findings(rows: Sequence[Row]) -> str:
     return slopes_table + "\n\n" + markdown_table(heads, near)
 
 
-def _inside(row: Row) -> bool:
+def _inside(row: CsvRow) -> bool:
     low, high = (float(row[f"measured_slope_ci_{end}"]) for end in ("low", "high"))
     return low <= float(row["predicted_slope"]) <= high
 
 
-def _wrong_sign(row: Row) -> bool:
+def _wrong_sign(row: CsvRow) -> bool:
     """Predicted to grow where it falls, or the other way; a slope of hardly anything has no sign."""
     predicted, low, high = (
         float(row[name]) for name in ("predicted_slope", "measured_slope_ci_low", "measured_slope_ci_high")
@@ -60,5 +61,5 @@ def _wrong_sign(row: Row) -> bool:
     return abs(predicted) > NO_SLOPE and ((predicted > 0 and high < 0) or (predicted < 0 and low > 0))
 
 
-def _slope(row: Row) -> str:
+def _slope(row: CsvRow) -> str:
     return f"{float(row['predicted_slope']):.2f}".replace("-", "−")

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from pss.hints import CsvRow
 from validate.findings.contenders import Contender, contenders_in
 from validate.findings.detection_figure import detection_curves, detection_figure
 from validate.findings.forest import Axis, Mark, Panel, forest, mark_of, style
@@ -19,7 +20,7 @@ from validate.findings.process_figure import COUNTED_BY, SHARE, headline_levels,
 from validate.findings.sigma_figure import SIGMA_AXIS, sigma_rows
 from validate.findings.size_figure import size_curves, size_figure
 from validate.plots.drawing import plt
-from validate.runs.csv_rows import Row, all_of, bounds, first_of
+from validate.runs.csv_rows import all_of, bounds, first_of
 from validate.store.folder import atomic_path
 
 __all__ = ["Drawing", "digest_in", "drawings_of", "write_pdf", "write_svg"]
@@ -120,12 +121,12 @@ def _ranking(places: Sequence[Place]) -> Drawing | None:
     )  # fmt: skip
 
 
-def _counted(place: Place, metric: str) -> Row | None:
+def _counted(place: Place, metric: str) -> CsvRow | None:
     """The row of a count, by what the best contender that has one takes as visible."""
     return next(filter(None, (place.ranked(model, metric) for model in COUNTED_BY)), None)
 
 
-def _ceiling(place: Place) -> Row | None:
+def _ceiling(place: Place) -> CsvRow | None:
     found = (first_of(place.rows("ceiling"), cameras=HEADLINE, ceiling=name) for name in CEILINGS)
     return next((row for row in found if row), None)
 
@@ -150,7 +151,7 @@ def _regret(places: Sequence[Place]) -> Drawing | None:
     def marks(place: Place, model: Contender) -> Mark | None:
         return mark_of(place.ranked(model.name), "regret_of_20_mean", model, PERCENT)
 
-    def oracle(place: Place) -> Row | None:
+    def oracle(place: Place) -> CsvRow | None:
         rows = all_of(place.rows("leaderboard"), cameras=HEADLINE, yardstick=SINGLE_FRAME, metric="pss-single-frame")
         return rows[0] if rows else None
 
@@ -189,7 +190,7 @@ def _forest(
     caption: str,
     places: Sequence[Place],
     marks: Callable[[Place, Contender], Mark | None],
-    extra: dict[str, Callable[[Place], Row | None]],
+    extra: dict[str, Callable[[Place], CsvRow | None]],
     axis: Axis,
     extra_column: str = "spearman",
     factor: float = 1.0,

@@ -15,9 +15,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullFormatter, NullLocator
 from numpy.typing import ArrayLike, NDArray
 
+from pss.hints import CsvRow
 from validate.findings.contenders import Contender
 from validate.plots.drawing import plt
-from validate.runs.csv_rows import Row, bounds
+from validate.runs.csv_rows import bounds
 
 __all__ = ["INDENT", "Axis", "Mark", "Panel", "columns_for", "forest", "mark_of", "power_of_ten", "scale_axis", "style"]
 
@@ -86,7 +87,7 @@ class Axis:
     line: float | None = None
 
 
-def mark_of(row: Row | None, column: str, look: Contender, factor: float = 1.0) -> Mark | None:
+def mark_of(row: CsvRow | None, column: str, look: Contender, factor: float = 1.0) -> Mark | None:
     """A row's number in a column, times a factor, with its interval; None if it has none."""
     value, low, high = (factor * number for number in bounds(row, column))
     return None if math.isnan(value) else Mark(value, low, high, look.colour, look.sign, look.filled)

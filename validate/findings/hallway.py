@@ -8,7 +8,8 @@ from __future__ import annotations
 import statistics
 from collections.abc import Iterable, Sequence
 
-from validate.runs.csv_rows import NOTHING, Row, Tables, all_of, markdown_table, number, one_of, percent, with_range
+from pss.hints import CsvRow
+from validate.runs.csv_rows import NOTHING, Tables, all_of, markdown_table, number, one_of, percent, with_range
 
 __all__ = ["hallway_findings"]
 
@@ -57,13 +58,13 @@ def hallway_findings(tables: Tables) -> str:
     return "\n\n".join(parts)
 
 
-def _found(rows: Sequence[Row], column: str, names: Iterable[str]) -> list[str]:
+def _found(rows: Sequence[CsvRow], column: str, names: Iterable[str]) -> list[str]:
     """Those of the names that the rows have in a column."""
     every = {row[column] for row in rows}
     return [name for name in names if name in every]
 
 
-def _agreement(rows: Sequence[Row]) -> str:
+def _agreement(rows: Sequence[CsvRow]) -> str:
     """Predicted against measured PSS over the steps."""
     chosen = all_of(rows, avatar="both", zoom_limit="none")
     kinds, models = _found(chosen, "kind", KINDS), _found(chosen, "noise_model", MODELS)
@@ -89,7 +90,7 @@ def _agreement(rows: Sequence[Row]) -> str:
     return "\n\n".join([" ".join(stated), all_steps, by_strategy, "\n".join(lines)])
 
 
-def _beside_the_count(row: Row) -> list[str]:
+def _beside_the_count(row: CsvRow) -> list[str]:
     """What counting markers does, where PSS of a kind has a ρ."""
     if not row.get("visible_share_spearman"):
         return []
@@ -102,7 +103,7 @@ def _beside_the_count(row: Row) -> list[str]:
     return [words]
 
 
-def _process(rows: Sequence[Row]) -> str:
+def _process(rows: Sequence[CsvRow]) -> str:
     """The filter at each level of process noise, by the calibrated model."""
     head = ["q/c", "frames per second that are alike", "ρ of calibrated PSS", "ρ of the share seen", "difference",
             "ρ of measured PSS and the share triangulated", "(2b) / (2a), predicted: counts × per marker",
@@ -150,7 +151,7 @@ def _two(value: str) -> str:
     return f"{float(value):.2f}".replace("-", "−") if value else "undefined"
 
 
-def _claims(rows: Sequence[Row]) -> str:
+def _claims(rows: Sequence[CsvRow]) -> str:
     heads = ["the paper's claim", "kind", *(" ".join(filter(None, side)) for side in SIDES), "figure", "where"]
     lines = [_line(heads), "|" + "---|" * len(heads)]
     for claim, kind, at in dict.fromkeys((row["claim"], row["kind"], _place(row)) for row in rows):
@@ -179,7 +180,7 @@ def _claims(rows: Sequence[Row]) -> str:
     return words + "\n\n" + "\n".join(lines)
 
 
-def _factors(row: Row) -> str:
+def _factors(row: CsvRow) -> str:
     """What of a claim's figure is a count."""
     if not row.get("of_counts"):
         return ""
@@ -188,7 +189,7 @@ def _factors(row: Row) -> str:
     return f" (counts {_two(row['of_counts'])} × per marker {number(row, 'per_marker')})"
 
 
-def _place(row: Row) -> str:
+def _place(row: CsvRow) -> str:
     """What tells two rows of one claim apart: the zoom limit, and not where the figure was found."""
     return row["at"] if row["at"].startswith(("zoom limit", "x")) else row["figure"] if not row["at"] else ""
 
@@ -231,7 +232,7 @@ def _strategies(tables: Tables) -> str:
     return "\n".join(lines) + "\n\n" + markdown_table(heads, choices)
 
 
-def _real_walk(consistency: Sequence[Row], misfit: Sequence[Row], frames: Sequence[Row]) -> str:
+def _real_walk(consistency: Sequence[CsvRow], misfit: Sequence[CsvRow], frames: Sequence[CsvRow]) -> str:
     heads = ["markers", "tracked", "NEES/3 before an update (of the process)", "after", "within 95 %, after",
              "RMS after: measured", "believed", "lost", "density of acceleration"]  # fmt: skip
     lines = [_line(heads), "|" + "---|" * len(heads)]

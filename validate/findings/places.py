@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from validate.runs.csv_rows import Row, Tables, all_of, first_of, read_tables
+from pss.hints import CsvRow
+from validate.runs.csv_rows import Tables, all_of, first_of, read_tables
 
 __all__ = ["COUNT", "FILTER", "HEADLINE", "SHARE", "SINGLE_FRAME", "Place", "places_of_bank", "places_of_reference"]
 
@@ -55,24 +56,24 @@ class Place:
     own_light: bool = True
     renders: int = 0
 
-    def rows(self, table: str) -> Sequence[Row]:
+    def rows(self, table: str) -> Sequence[CsvRow]:
         """A table's rows; none if there is no such table."""
         return self.tables.get(table, ())
 
     def ranked(
         self, model: str, metric: str = "", yardstick: str = SINGLE_FRAME, cameras: str = HEADLINE
-    ) -> Row | None:
+    ) -> CsvRow | None:
         """The leaderboard's row of a metric under a noise model (default: the PSS that goes with the yardstick)."""
         name = metric or _OF_YARDSTICK.get(yardstick, "pss-single-frame")
         wanted = {"cameras": cameras, "yardstick": yardstick, "metric": name, "noise_model": model}
         return first_of(self.rows("leaderboard"), **wanted)
 
-    def less(self, model: str, base: str, yardstick: str = SINGLE_FRAME) -> Row | None:
+    def less(self, model: str, base: str, yardstick: str = SINGLE_FRAME) -> CsvRow | None:
         """The row of the paired difference of ρ of the PSS that goes with the measure, by `model` less by `base`."""
         wanted = {"cameras": HEADLINE, "yardstick": yardstick, "metric": _OF_YARDSTICK[yardstick]}
         return first_of(self.rows("differences"), **wanted, noise_model=model, minus=base)
 
-    def sized(self, model: str, level: str = "single frame") -> Row | None:
+    def sized(self, model: str, level: str = "single frame") -> CsvRow | None:
         """The row of the table of consistency."""
         wanted = {} if level == "pixel" else {"cameras": HEADLINE}
         return first_of(self.rows("consistency"), level=level, noise_model=model, **wanted)

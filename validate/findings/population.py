@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from pss.hints import CsvRow
 from validate.findings.places import Place
-from validate.runs.csv_rows import Row
+from validate.runs.csv_rows import CsvRow
 
 __all__ = ["cases", "common_population", "titles"]
 
@@ -67,5 +68,5 @@ def _word(number: int) -> str:
     return IN_WORDS[number] if number < len(IN_WORDS) else f"{number}"
 
 
-def _any_row(place: Place) -> Row | None:
+def _any_row(place: Place) -> CsvRow | None:
     return next((row for model in place.models if (row := place.ranked(model))), None)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from pss.hints import CsvRow
 from validate.findings.contenders import CALIBRATED, PHYSICAL, contenders_in
 from validate.findings.places import COUNT, FILTER, SHARE, Place
 from validate.runs.csv_rows import (
     NOTHING,
-    Row,
     all_of,
     bounds,
     first_of,
@@ -41,31 +41,31 @@ COUNTED_BY = (CALIBRATED, PHYSICAL)
 _LESS = {COUNT: "minus_visibility_count", SHARE: "minus_visible_share"}
 
 
-def at_headline(place: Place, model: str, motion: str, metric: str = "pss") -> Row | None:
+def at_headline(place: Place, model: str, motion: str, metric: str = "pss") -> CsvRow | None:
     """The row at q ≈ c of a metric under a noise model."""
     return first_of(place.rows("process"), headline="yes", process=motion, metric=metric, noise_model=model)
 
 
-def at_the_scenes(place: Place, model: str, metric: str = "pss") -> Row | None:
+def at_the_scenes(place: Place, model: str, metric: str = "pss") -> CsvRow | None:
     """The row at the scenes' own process noise, from process.csv or from the leaderboard of the filter."""
     rows = all_of(place.rows("process"), process="random-walk", metric=metric, noise_model=model)
     there = [row for row in rows if math.isclose(value_of(row, "step_mm"), SCENES_STEP_MM)]
     return there[0] if there else place.ranked(model, metric, FILTER)
 
 
-def less_counts(row: Row) -> list[tuple[float, float, float]]:
+def less_counts(row: CsvRow) -> list[tuple[float, float, float]]:
     """The paired differences of ρ to each count that the table has, with their 95 % intervals."""
     return [found for column in _LESS.values() if not math.isnan((found := bounds(row, column))[1])]
 
 
-def ratio_words(row: Row) -> str:
+def ratio_words(row: CsvRow) -> str:
     """The predicted and the measured q/c of a level: "q/c 0.38 predicted, 0.55 measured"."""
     kinds = {"predicted": value_of(row, "q_over_c"), "measured": value_of(row, "q_over_c_measured")}
     known = [f"{in_powers(value)} {kind}" for kind, value in kinds.items() if math.isfinite(value)]
     return f"q/c {', '.join(known)}" if known else "q/c unknown"
 
 
-def level_words(row: Row) -> str:
+def level_words(row: CsvRow) -> str:
     """The kind of motion and how strong it is: "random walk, 0.05 mm a frame"."""
     motion = MOTIONS.get(row.get("process", ""), row.get("process", ""))
     step, density = value_of(row, "step_mm"), value_of(row, "acceleration_density_m2_s3")

@@ -8,12 +8,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
 
+from pss.hints import CsvRow
 from validate.findings.contenders import contenders_in
 from validate.findings.curves import Curve, draw_curves, label_below, legend_below, panels_of
 from validate.findings.forest import FONT_PT, power_of_ten, scale_axis, style
 from validate.findings.places import COUNT, Place
 from validate.findings.process import MOTIONS
-from validate.runs.csv_rows import Row, all_of, bounds, first_of, value_of
+from validate.runs.csv_rows import all_of, bounds, first_of, value_of
 
 __all__ = ["SHARE", "headline_levels", "process_curves", "process_figure"]
 
@@ -79,13 +80,13 @@ def process_figure(curves: Sequence[Curve], judged: Mapping[str, float], scale: 
     return figure
 
 
-def _panels(places: Sequence[Place]) -> Iterator[tuple[str, list[Row]]]:
+def _panels(places: Sequence[Place]) -> Iterator[tuple[str, list[CsvRow]]]:
     for motion, words in MOTIONS.items():
         for place in (place for place in places if place.own_light):
             yield f"{place.title}, {words}", all_of(place.rows("process"), process=motion)
 
 
-def _curve(panel: str, name: str, colour: str, sign: str, filled: bool, rows: Sequence[Row]) -> Curve:
+def _curve(panel: str, name: str, colour: str, sign: str, filled: bool, rows: Sequence[CsvRow]) -> Curve:
     known = sorted((row for row in rows if row.get("spearman")), key=lambda row: value_of(row, "q_over_c"))
     columns = [tuple(value_of(row, "q_over_c") for row in known)]
     columns += [tuple(bounds(row, "spearman")[end] for row in known) for end in range(3)]

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from pss.hints import CsvRow
 from validate.findings.contenders import contenders_in
 from validate.findings.places import COUNT, FILTER, HEADLINE, SHARE, SINGLE_FRAME, Place
 from validate.findings.process import COUNTED_BY, MOTIONS, at_headline, at_the_scenes
 from validate.runs.csv_rows import (
     NOTHING,
-    Row,
     all_of,
     bounds,
     markdown_table,
@@ -59,7 +59,7 @@ def difference_table(places: Sequence[Place]) -> str:
     return _without_empty(["R", "PSS", "less that of", *(place.title for place in places)], rows, 3)
 
 
-def _difference(row: Row | None) -> str:
+def _difference(row: CsvRow | None) -> str:
     """A paired difference of ρ; nothing where both rank alike by construction."""
     value, low, high = bounds(row, "spearman_difference")
     return NOTHING if value == low == high == 0 else number(row, "spearman_difference")
@@ -84,7 +84,7 @@ def neutral_table(place: Place) -> str:
     yardsticks = list(dict.fromkeys(row["yardstick"] for row in board))
     order = {SINGLE_FRAME: 0, FILTER: 2}
     yardsticks.sort(key=lambda name: (order.get(name, 1), _threshold_mm(name)))
-    by_pair: dict[tuple[str, str], dict[str, Row]] = {}
+    by_pair: dict[tuple[str, str], dict[str, CsvRow]] = {}
     twins: dict[str, dict[str, None]] = {}
     for row in board:
         if twin := row.get("twin_of"):
@@ -119,7 +119,7 @@ def _words(yardstick: str) -> str:
     return words.get(yardstick, yardstick.replace("_", " ").replace("mm", " mm"))
 
 
-def _with_rank(row: Row | None) -> str:
+def _with_rank(row: CsvRow | None) -> str:
     if row is None or not row.get("spearman"):
         return NOTHING
     rank = f"{row['rank']} [{row['rank_ci_low']}, {row['rank_ci_high']}]" if row.get("rank") else NOTHING
@@ -156,7 +156,7 @@ def _models(places: Sequence[Place]) -> list[str]:
     return [contender.name for contender in contenders_in(model for place in places for model in place.models)]
 
 
-def _row(place: Place, model: str, kind: str, metric: str = "") -> Row | None:
+def _row(place: Place, model: str, kind: str, metric: str = "") -> CsvRow | None:
     if kind == FRAME:
         return place.ranked(model, metric)
     if kind == SCENES:

@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from pss.hints import CsvRow
 from validate.findings.calibration_error import LOST
 from validate.findings.contenders import CALIBRATED, IDENTITY, PHYSICAL, PRINTED, WHOLE_MARKERS
 from validate.findings.places import COUNT, FILTER, SHARE, Place
@@ -23,7 +24,6 @@ from validate.findings.process import (
     ratio_words,
 )
 from validate.runs.csv_rows import (
-    Row,
     all_of,
     bounds,
     in_powers,
@@ -63,7 +63,7 @@ class Sentence:
     population: str = ""
 
 
-def five_sentences(places: Sequence[Place], calibration_errors: Sequence[Row] = ()) -> list[Sentence]:
+def five_sentences(places: Sequence[Place], calibration_errors: Sequence[CsvRow] = ()) -> list[Sentence]:
     """Those of the five for which there are tables.
 
     Args:
@@ -78,7 +78,7 @@ def five_sentences(places: Sequence[Place], calibration_errors: Sequence[Row] = 
     return [*found, choosing] if choosing else found
 
 
-def with_population(places: Sequence[Place], calibration_errors: Sequence[Row] = ()) -> str:
+def with_population(places: Sequence[Place], calibration_errors: Sequence[CsvRow] = ()) -> str:
     """The sentences as a numbered list in Markdown, and below it the population that they share."""
     parts = [
         f"{place}. **{each.claim}** {each.numbers}" + f" *{each.population}.*" * bool(each.population)
@@ -188,7 +188,7 @@ def _decided(places: Sequence[Place], yardstick: str) -> tuple[list[Place], list
     return [place for place, _ in known], count, pss
 
 
-def _neutral(place: Place, yardstick: str) -> Row | None:
+def _neutral(place: Place, yardstick: str) -> CsvRow | None:
     return place.ranked(CALIBRATED, "pss-single-frame", yardstick)
 
 
@@ -314,7 +314,7 @@ def _at_the_scenes(places: Sequence[Place]) -> tuple[str, bool]:
     return first, bool(alike) and all(alike)
 
 
-def _rho(row: Row | None) -> float:
+def _rho(row: CsvRow | None) -> float:
     return value_of(row, "spearman")
 
 
@@ -347,7 +347,7 @@ def _size(places: Sequence[Place]) -> Sentence | None:
     return Sentence(claim, numbers + ".", _own(there, places))
 
 
-def _times(row: Row | None) -> float:
+def _times(row: CsvRow | None) -> float:
     """Predicted over measured RMS, in the median of the points."""
     return math.exp(value_of(row, "median_log_ratio"))
 
@@ -359,7 +359,7 @@ def _few(value: float) -> str:
 # ---- 5: choosing -----------------------------------------------------------------------------------------------------
 
 
-def _choosing(places: Sequence[Place], calibration_errors: Sequence[Row]) -> Sentence | None:
+def _choosing(places: Sequence[Place], calibration_errors: Sequence[CsvRow]) -> Sentence | None:
     name = "regret_of_20_mean"
     there = [place for place in places if not math.isnan(value_of(place.ranked(CALIBRATED), name))]
     if not there:
@@ -386,7 +386,7 @@ def _choosing(places: Sequence[Place], calibration_errors: Sequence[Row]) -> Sen
     return Sentence(claim, f"{numbers} {broken}".strip(), "; ".join(filter(None, population)))
 
 
-def _broken(rows: Sequence[Row]) -> tuple[str, str]:
+def _broken(rows: Sequence[CsvRow]) -> tuple[str, str]:
     """From which unknown error of pan and tilt on the ranking is lost, by kind, and over how many configurations."""
     alone = [row for row in rows if not (value_of(row, "focal_share") or value_of(row, "position_m"))]
     none = next((row for row in alone if value_of(row, "pan_tilt_deg") == 0), None)
@@ -406,11 +406,11 @@ def _broken(rows: Sequence[Row]) -> tuple[str, str]:
     return text, none.get("n", "")
 
 
-def _plain(row: Row) -> float:
+def _plain(row: CsvRow) -> float:
     return value_of(row, "spearman_plain")
 
 
-def _with_ends(row: Row) -> str:
+def _with_ends(row: CsvRow) -> str:
     return with_range(*(row[f"spearman_plain{end}"] for end in ("", "_low", "_high")))
 
 

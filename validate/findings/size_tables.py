@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from pss.hints import CsvRow
 from validate.findings.contenders import contenders_in
 from validate.findings.places import HEADLINE, Place
 from validate.runs.csv_rows import (
     NOTHING,
-    Row,
     all_of,
     bounds,
     first_of,
@@ -167,19 +167,19 @@ def reliability_table(places: Sequence[Place]) -> str:
     return markdown_table(["where", *(head.replace("_", " ") for head in shown)], rows)
 
 
-def share_found(row: Row) -> tuple[float, float, float]:
+def share_found(row: CsvRow) -> tuple[float, float, float]:
     """The share found of a row of reliability.csv and the ends of its interval, which are shares too."""
     share, low, high = bounds(row, "found")
     views = value_of(row, "views")
     return share, *share_interval(share, low, high, 0 if math.isnan(views) else int(views))
 
 
-def _within_a_share(row: Row) -> Row:
+def _within_a_share(row: CsvRow) -> CsvRow:
     ends = zip(("found", "found_ci_low", "found_ci_high"), share_found(row), strict=True)
     return {**row} | {name: f"{value:.7g}" for name, value in ends if row.get(name)}
 
 
-def _cell(row: Row, column: str) -> str:
+def _cell(row: CsvRow, column: str) -> str:
     text = row.get(column, "")
     try:
         value = float(text)
@@ -188,17 +188,17 @@ def _cell(row: Row, column: str) -> str:
     return number(row, column) if f"{column}_ci_low" in row else (f"{value:.3g}" if value % 1 else f"{value:.0f}")
 
 
-def _short(row: Row | None, name: str) -> str:
+def _short(row: CsvRow | None, name: str) -> str:
     """A NEES; far below 1 by powers of ten, without an interval that would read 0.00."""
     value = value_of(row, name)
     return in_powers(value, 1) if 0 < value < 0.005 else number(row, name)
 
 
-def _two(row: Row, name: str) -> str:
+def _two(row: CsvRow, name: str) -> str:
     return f"{value_of(row, name):.2f}" if _there(row, name) else NOTHING
 
 
-def _there(row: Row | None, name: str) -> bool:
+def _there(row: CsvRow | None, name: str) -> bool:
     return not math.isnan(value_of(row, name))
 
 

@@ -10,11 +10,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
+
+from pss.hints import AnyFloats
 
 __all__ = ["DIAMETERS_PER_SIGMA", "blurred_steps", "reach"]
 
-Floats = NDArray[np.floating]
 
 # A disc of diameter cc has the variance cc²/16 along any axis.
 DIAMETERS_PER_SIGMA = 4.0
@@ -25,7 +25,7 @@ NARROWEST_BOX = 1e-4
 SMALLEST_RADIUS = 1e-12
 
 
-def reach(per_px: Floats, blur_px2: float) -> float:
+def reach(per_px: AnyFloats, blur_px2: float) -> float:
     """Modules from its middle to where the kernel ends along an axis.
 
     Args:
@@ -35,7 +35,7 @@ def reach(per_px: Floats, blur_px2: float) -> float:
     return float(np.abs(per_px).sum()) / 2 + DIAMETERS_PER_SIGMA / 2 * math.sqrt(blur_px2) * math.hypot(*per_px)
 
 
-def blurred_steps(places: Floats, to_modules: Floats, blurs_px2: Floats) -> Floats:
+def blurred_steps(places: AnyFloats, to_modules: AnyFloats, blurs_px2: AnyFloats) -> AnyFloats:
     """Steps at 0, their slope per module and second derivative per module², at `places` along two axes.
 
     (blurs, 3, 2, ...).
@@ -58,7 +58,7 @@ def blurred_steps(places: Floats, to_modules: Floats, blurs_px2: Floats) -> Floa
     return np.asarray(np.moveaxis(differences, 1, 0) / (wide * narrow).reshape(2, *axes))
 
 
-def _disc_integrals(x: Floats, radius: Floats) -> Floats:
+def _disc_integrals(x: AnyFloats, radius: AnyFloats) -> AnyFloats:
     """The third, second and first integral of a disc of area 1, projected onto an axis, from −∞ to `x`; (3, ...)."""
     t = x / radius
     inside = np.clip(t, -1, 1)

@@ -13,13 +13,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pss.hints import AnyFloats, Images
 from validate.markers.marker_image import PIXEL_VARIANCE_PX2, sharp_image
 from validate.markers.registration import Fit, local_scale, marker_fields, moved
 
 __all__ = ["coarse_fit"]
 
-Floats = NDArray[np.floating]
-Image = NDArray[np.float32]
 
 # Grid points a module, and how far beyond the border the grid reaches.
 GRID_PER_MODULE = 5
@@ -33,7 +32,7 @@ SHARPEST_PX2 = 0.02
 
 
 @lru_cache(maxsize=64)
-def _grid(half: float) -> tuple[Image, Image]:
+def _grid(half: float) -> tuple[Images, Images]:
     """The grid's (u, v) in modules, (G²,) each."""
     count = round(2 * (half + MARGIN_MODULES) * GRID_PER_MODULE)
     along = ((np.arange(count) - (count - 1) / 2) / GRID_PER_MODULE).astype(np.float32)
@@ -42,7 +41,7 @@ def _grid(half: float) -> tuple[Image, Image]:
 
 
 @lru_cache(maxsize=4096)
-def _solver(dictionary: str, marker_id: int, blur: int) -> Image:
+def _solver(dictionary: str, marker_id: int, blur: int) -> Images:
     """From grey values on the grid to the moves' parameters times gain, gain and offset: (10, G²)."""
     image = sharp_image(dictionary, marker_id, BLURS_MODULES[blur])
     u, v = _grid(image.half)
@@ -55,7 +54,7 @@ def _solver(dictionary: str, marker_id: int, blur: int) -> Image:
 
 
 @lru_cache(maxsize=1024)
-def _normalised(dictionary: str, marker_id: int) -> Image:
+def _normalised(dictionary: str, marker_id: int) -> Images:
     """The ideal images of all blurs as unit vectors about their mean, (B, G²): their products are correlations."""
     images = [sharp_image(dictionary, marker_id, blur) for blur in BLURS_MODULES]
     rows = np.array([image.at(*_grid(image.half)).value for image in images])
@@ -63,7 +62,7 @@ def _normalised(dictionary: str, marker_id: int) -> Image:
     return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
 
 
-def coarse_fit(capture_dn: NDArray[np.generic], start: Floats, marker_id: int, dictionary: str) -> Fit | None:
+def coarse_fit(capture_dn: NDArray[np.generic], start: AnyFloats, marker_id: int, dictionary: str) -> Fit | None:
     """Homography and blur of a marker near `start` (3, 3), modules about its centre to pixels; None if it gets lost.
 
     Args:
@@ -87,7 +86,7 @@ def coarse_fit(capture_dn: NDArray[np.generic], start: Floats, marker_id: int, d
     return Fit(homography, blur_px2=max(float(variance), SHARPEST_PX2))
 
 
-def _drawn(capture_dn: NDArray[np.generic], homography: Floats, half: float) -> Image:
+def _drawn(capture_dn: NDArray[np.generic], homography: AnyFloats, half: float) -> Images:
     """Grey values of the capture at the grid's points, (G²,)."""
     count = round(2 * (half + MARGIN_MODULES) * GRID_PER_MODULE)
     middle = (count - 1) / 2

@@ -10,16 +10,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 
 from pss import ImageSensor
+from pss.hints import Bools, Floats
 from render.world.marker_print import pattern
 
 __all__ = ["centre_bound", "draw_finely", "fisher_information", "on_marker", "pixel_sums"]
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 
 def draw_finely(

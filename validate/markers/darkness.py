@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss import Appearance, Evaluation, ImageSensor, PTZCamera
 from pss.cameras.luminous import illuminance_lux
 from pss.cameras.views import Views
+from pss.hints import Bools, Floats
 from pss.noise.photometric import sides_e
 from pss.visibility.targets import LEAST_CONTRAST_OVER_NOISE, contrast_over_noise
 from render.world.state import SceneState
 
 __all__ = ["brightest_in_view", "dark_words", "light_words", "markers_too_dark", "white_irradiance"]
-
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
 
 
 def markers_too_dark(evaluation: Evaluation, sensor: ImageSensor) -> Bools:

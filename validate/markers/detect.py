@@ -17,12 +17,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pss.hints import AnyFloats, Images
 from render.world.marker_print import predefined_dictionary
 
 __all__ = ["Found", "find_markers"]
 
-Floats = NDArray[np.floating]
-Image = NDArray[np.float32]
 
 # px, side of the cells whose means are compared for the neighbourhood's white.
 CELL_PX = 8
@@ -70,7 +69,7 @@ class Found:
     """Markers found in one capture: `ids` (K,), `corners_px` (K, 4, 2) from top left clockwise as printed."""
 
     ids: NDArray[np.int64]
-    corners_px: Floats
+    corners_px: AnyFloats
 
 
 @cache
@@ -92,7 +91,7 @@ def find_markers(capture_dn: NDArray[np.uint16], dictionary: str) -> Found:
 
     A number that is found at two places in one capture names at least one wrong place: both are left out.
     """
-    found: dict[int, Floats] = {}
+    found: dict[int, AnyFloats] = {}
     twice: set[int] = set()
     for picture, quiet in _pictures(capture_dn):
         numbers, corners = _searched(picture, dictionary, quiet)
@@ -104,7 +103,7 @@ def find_markers(capture_dn: NDArray[np.uint16], dictionary: str) -> Found:
     return Found(np.array(kept, dtype=np.int64), np.array([found[n] for n in kept], dtype=float).reshape(-1, 4, 2))
 
 
-def _searched(picture: NDArray[np.uint8], dictionary: str, quiet: bool) -> tuple[list[int], Floats]:
+def _searched(picture: NDArray[np.uint8], dictionary: str, quiet: bool) -> tuple[list[int], AnyFloats]:
     """Numbers of K markers in a picture, and their corners, (K, 4, 2)."""
     rimmed = cv2.copyMakeBorder(picture, *[RIM_PX] * 4, borderType=cv2.BORDER_REPLICATE)
     quads, ids, _ = _detector(dictionary, max(rimmed.shape), quiet).detectMarkers(rimmed)
@@ -143,7 +142,7 @@ def _pictures(capture_dn: NDArray[np.uint16]) -> Iterator[tuple[NDArray[np.uint8
         yield cv2.convertScaleAbs(soft, alpha=255 / max(highest - lowest, 1.0)), False
 
 
-def _noise(lit: Image) -> tuple[float, float, float]:
+def _noise(lit: Images) -> tuple[float, float, float]:
     """DN, the noise's variance per light, its σ in the dark and in the light, from neighbours in some rows.
 
     The read noise is counted with the light's: in dim captures the first is larger than the gain.
@@ -159,7 +158,7 @@ def _noise(lit: Image) -> tuple[float, float, float]:
     return max(of_bright**2 / max(float(np.median(light[bright])), 1.0), 1e-3), max(of_dark, 0.3), of_bright
 
 
-def _neighbourhood_white(halved: Image, size_px: tuple[int, int]) -> Image:
+def _neighbourhood_white(halved: Images, size_px: tuple[int, int]) -> Images:
     """DN, the brightest cell about each cell, (rows, columns) of cells of `CELL_PX`."""
     columns, rows = (max(length // CELL_PX, 1) for length in size_px)
     means = cv2.resize(halved, (columns, rows), interpolation=cv2.INTER_AREA)
@@ -167,7 +166,7 @@ def _neighbourhood_white(halved: Image, size_px: tuple[int, int]) -> Image:
     return np.asarray(cv2.GaussianBlur(brightest, (0, 0), SMOOTH_CELLS))
 
 
-def _narrowest_px(corners_px: Floats) -> Floats:
+def _narrowest_px(corners_px: AnyFloats) -> AnyFloats:
     """px, area over the longest side of quadrilaterals (K, 4, 2): their width, slanted or not."""
     first, second = corners_px[:, 2] - corners_px[:, 0], corners_px[:, 3] - corners_px[:, 1]
     area = np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / 2

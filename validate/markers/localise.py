@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import ImageSensor
+from pss.hints import AnyFloats
 from render.world.marker_print import pattern
 from validate.markers.coarse_fit import coarse_fit
 from validate.markers.marker_image import DIAMETERS_PER_SIGMA, MarkerImage
@@ -23,7 +24,6 @@ from validate.markers.registration import Fit, Linearised, Pixels, centre_of, lo
 
 __all__ = ["Localised", "Refusal", "localise", "register"]
 
-Floats = NDArray[np.floating]
 
 # Pixels count this far beyond the black border: inside the quiet zone, so that what lies beyond the plate stays out.
 # Where the plate's edge is blurred, its blur does, but never so much that the border's own edge goes with it.
@@ -80,14 +80,14 @@ class Localised:
         residual_chi2: reduced χ² of the fit's residuals under the sensor's noise.
     """
 
-    centre_px: Floats
-    covariance_px2: Floats
+    centre_px: AnyFloats
+    covariance_px2: AnyFloats
     correlation: float
     residual_chi2: float
 
 
 def localise(
-    capture_dn: NDArray[np.uint16], corners_px: Floats, marker_id: int, dictionary: str, sensor: ImageSensor
+    capture_dn: NDArray[np.uint16], corners_px: AnyFloats, marker_id: int, dictionary: str, sensor: ImageSensor
 ) -> Localised | None:
     """Register one decoded marker; None where that is refused. Arguments as of `register`."""
     found = register(capture_dn, corners_px, marker_id, dictionary, sensor)
@@ -95,7 +95,7 @@ def localise(
 
 
 def register(
-    capture_dn: NDArray[np.uint16], corners_px: Floats, marker_id: int, dictionary: str, sensor: ImageSensor
+    capture_dn: NDArray[np.uint16], corners_px: AnyFloats, marker_id: int, dictionary: str, sensor: ImageSensor
 ) -> Localised | Refusal:
     """Register one decoded marker, or say why not.
 
@@ -143,24 +143,24 @@ def register(
     return Localised(centre_of(fit.homography), covariance, linearised.correlation, chi2)
 
 
-def _start(corners_px: Floats, half: float) -> Floats:
+def _start(corners_px: AnyFloats, half: float) -> AnyFloats:
     """Homography from modules about the centre to pixels that takes the border's corners to where they were found."""
     ideal = np.array([[-half, -half], [half, -half], [half, half], [-half, half]], dtype=np.float32)
     return np.asarray(cv2.getPerspectiveTransform(ideal, corners_px.astype(np.float32)), dtype=float)
 
 
-def _inside(homography: Floats, reach: float, shape: tuple[int, ...]) -> bool:
+def _inside(homography: AnyFloats, reach: float, shape: tuple[int, ...]) -> bool:
     """Whether the image of `shape` (height, width) holds the marker up to ±`reach` modules."""
     ends = np.array([[-reach, -reach], [reach, -reach], [reach, reach], [-reach, reach]])
     outline = cv2.perspectiveTransform(ends[None], homography)[0]
     return bool((outline >= 0).all() and (outline <= (shape[1] - 1, shape[0] - 1)).all())
 
 
-def _px_per_module(homography: Floats) -> float:
+def _px_per_module(homography: AnyFloats) -> float:
     return float(np.sqrt(abs(np.linalg.det(local_scale(homography)))))
 
 
-def _corner_bias_px(homography: Floats) -> float:
+def _corner_bias_px(homography: AnyFloats) -> float:
     """px (σ per axis), by a kernel at the modules' corners that is no product of its two projections.
 
     A level pixel is one; turned by 45° it is furthest from it.
@@ -174,7 +174,7 @@ def _corner_bias_px(homography: Floats) -> float:
     return CORNER_BIAS_PX2 * share / shorter
 
 
-def _near(fit: Fit, start: Floats) -> bool:
+def _near(fit: Fit, start: AnyFloats) -> bool:
     """Whether a fit is finite and its centre near that of the start."""
     if not np.isfinite(fit.homography).all():
         return False

@@ -17,13 +17,12 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from pss.hints import AnyFloats, Images
 from render.world.marker_print import pattern
 from validate.markers.blurred_step import DIAMETERS_PER_SIGMA, blurred_steps, reach
 
 __all__ = ["DIAMETERS_PER_SIGMA", "PIXEL_VARIANCE_PX2", "MarkerImage", "Seen", "sharp_image"]
 
-Floats = NDArray[np.floating]
-Image = NDArray[np.float32]
 Rows = NDArray[np.int32]
 
 # Cells of the table of a step: over all of the kernel, or over a module where the kernel is wider. Within a cell the
@@ -51,10 +50,10 @@ class Seen:
         by_blur: per px² of the blur's variance.
     """
 
-    value: Image
-    by_u: Image
-    by_v: Image
-    by_blur: Image
+    value: Images
+    by_u: Images
+    by_v: Images
+    by_blur: Images
 
 
 class MarkerImage:
@@ -68,7 +67,7 @@ class MarkerImage:
         half: modules from the centre to the border's end.
     """
 
-    def __init__(self, dictionary: str, marker_id: int, to_modules: Floats, blur_px2: float) -> None:
+    def __init__(self, dictionary: str, marker_id: int, to_modules: AnyFloats, blur_px2: float) -> None:
         count = len(_corners(dictionary, marker_id))
         self.half, self.blur_px2 = (count - 1) / 2, blur_px2
         self._cross = np.float32((blur_px2 + PIXEL_VARIANCE_PX2) * (to_modules[0] @ to_modules[1]))
@@ -82,7 +81,7 @@ class MarkerImage:
         heights, passed = _windows(dictionary, marker_id, self._grid.lines)
         self._heights, self._passed = (heights @ across).ravel(), (passed @ across).ravel()
 
-    def at(self, u: Image, v: Image) -> Seen:
+    def at(self, u: Images, v: Images) -> Seen:
         """The image at (u, v), in modules, (N,) each."""
         grid, half = self._grid, np.float32(self.half)
         first, across, rest_u = grid.place(u + half, 0)
@@ -134,7 +133,7 @@ class _Grid:
         shift: modules from the first of the lines to their middle.
     """
 
-    def __init__(self, to_modules: Floats, blur_px2: float, count: int) -> None:
+    def __init__(self, to_modules: AnyFloats, blur_px2: float, count: int) -> None:
         widths = [2 * reach(row, _softer(blur_px2)) for row in to_modules]
         self.lines = min(max(math.ceil(max(widths)), 1), MOST_LINES)
         self.firsts = count + self.lines + 1
@@ -145,11 +144,11 @@ class _Grid:
         cells, sizes = zip(*(_cells(row, width) for row, width in zip(to_modules, widths, strict=True)), strict=True)
         self.cells, self.per_module = max(cells) + 2, (1 / sizes[0], 1 / sizes[1])
 
-    def middles(self, axis: int) -> Floats:
+    def middles(self, axis: int) -> AnyFloats:
         """Modules of the cells' middles from the middle of the lines, (cells,)."""
         return np.asarray((np.arange(self.cells) + 0.5 - self.cells / 2) / self.per_module[axis])
 
-    def place(self, along: Image, axis: int) -> tuple[Rows, Rows, Image]:
+    def place(self, along: Images, axis: int) -> tuple[Rows, Rows, Images]:
         """Number of the first line that blurs a place, its cell, and the rest to the cell's middle in modules.
 
         A step of the fit may bring a pixel beyond the tables, where all is white: it is taken for their end.
@@ -171,7 +170,7 @@ class _Grid:
         return first.astype(np.int32), cell.astype(np.int32), along
 
 
-def _cells(per_px: Floats, width: float) -> tuple[int, float]:
+def _cells(per_px: AnyFloats, width: float) -> tuple[int, float]:
     """How many cells a kernel `width` modules wide has, and their size in modules.
 
     A level pixel's kernel has an edge of its own: no cell may hold it, or all pixels along a line err alike.
@@ -188,7 +187,7 @@ def _softer(blur_px2: float) -> float:
     return blur_px2 + BLUR_STEP_SHARE * blur_px2 + BLUR_STEP_PX2
 
 
-def _tables(grid: _Grid, to_modules: Floats, blur_px2: float) -> Image:
+def _tables(grid: _Grid, to_modules: AnyFloats, blur_px2: float) -> Images:
     """The blurred steps of a place's lines, their slope, second derivative and derivative by the blur, in each cell.
 
     Along u and v, (2, lines, 4, cells).
@@ -203,7 +202,7 @@ def _tables(grid: _Grid, to_modules: Floats, blur_px2: float) -> Image:
 
 
 @lru_cache(maxsize=1024)
-def _windows(dictionary: str, marker_id: int, lines: int) -> tuple[Image, Image]:
+def _windows(dictionary: str, marker_id: int, lines: int) -> tuple[Images, Images]:
     """Heights along v of the `lines` steps in u at a place, and sums of all lines along v before.
 
     Rows are the place's first line along v and, faster, along u; `lines` columns and one for the sum of all steps in u
@@ -224,7 +223,7 @@ def sharp_image(dictionary: str, marker_id: int, blur_modules: float) -> MarkerI
 
 
 @lru_cache(maxsize=1024)
-def _corners(dictionary: str, marker_id: int) -> Image:
+def _corners(dictionary: str, marker_id: int) -> Images:
     """Height of the step in v of the step in u at each corner of the modules, (n + 1, n + 1), rows along v."""
     below_white = pattern(dictionary, marker_id).astype(np.float32) - 1
     return np.asarray(np.diff(np.diff(np.pad(below_white, 1), axis=0), axis=1))

@@ -15,12 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import ImageSensor
+from pss.hints import AnyFloats, Images
 from validate.markers.marker_image import MarkerImage
 
 __all__ = ["Fit", "Linearised", "Pixels", "centre_of", "local_scale", "marker_fields", "moved", "pixels_on"]
 
-Floats = NDArray[np.floating]
-Image = NDArray[np.float32]
 
 HOMOGRAPHY, PARAMETERS = 8, 13
 # One step may change the blur's variance by this factor, and by as much in px² as from sharp to hardly blurred.
@@ -41,13 +40,13 @@ class Fit:
         blur_px2: px², variance of the lens's disc along any axis.
     """
 
-    homography: Floats
+    homography: AnyFloats
     gain_dn: float | None = None
     offset_dn: float = 0.0
     shading: tuple[float, float] = (0.0, 0.0)
     blur_px2: float = 0.0
 
-    def after(self, step: Floats, half: float) -> Fit:
+    def after(self, step: AnyFloats, half: float) -> Fit:
         """The fit after a step of its parameters, (13,)."""
         homography = moved(self.homography, step[:HOMOGRAPHY], half)
         assert self.gain_dn is not None
@@ -66,24 +65,24 @@ class Pixels:
     From an origin beside them single precision tells a hundred-thousandth of a pixel apart.
     """
 
-    x: Image
-    y: Image
-    dn: Image
+    x: Images
+    y: Images
+    dn: Images
     origin: tuple[int, int]
 
 
-def centre_of(homography: Floats) -> Floats:
+def centre_of(homography: AnyFloats) -> AnyFloats:
     """px, the image of the marker's centre, (2,)."""
     return np.asarray(homography[:2, 2] / homography[2, 2])
 
 
-def local_scale(homography: Floats) -> Floats:
+def local_scale(homography: AnyFloats) -> AnyFloats:
     """px per module at the marker's centre: the Jacobian of the homography, (2, 2)."""
     scale = homography[:2, :2] - centre_of(homography)[:, None] * homography[2, :2]
     return np.asarray(scale / homography[2, 2])
 
 
-def moved(homography: Floats, step: Floats, half: float) -> Floats:
+def moved(homography: AnyFloats, step: AnyFloats, half: float) -> AnyFloats:
     """A homography after a step (8,) of its own parameters, on a marker of ±`half` modules; (3, 3)."""
     change = np.array([[1 + step[2], step[3], step[0]], [step[4], 1 + step[5], step[1]], [-step[6], -step[7], 1]])
     # From coordinates in half markers to modules.
@@ -92,7 +91,7 @@ def moved(homography: Floats, step: Floats, half: float) -> Floats:
     return np.asarray(after / after[2, 2])
 
 
-def marker_fields(by_x: Image, by_y: Image, x: Image, y: Image, out: Image) -> None:
+def marker_fields(by_x: Images, by_y: Images, x: Images, y: Images, out: Images) -> None:
     """How an image with the slopes `by_x` and `by_y` at (x, y) in half markers, (N,), changes with a homography.
 
     Into the first eight rows of `out` (8 or more, N). The first two move everything alike, the others leave the centre.
@@ -107,7 +106,7 @@ def marker_fields(by_x: Image, by_y: Image, x: Image, y: Image, out: Image) -> N
     np.multiply(radial, y, out=out[7])
 
 
-def pixels_on(capture_dn: NDArray[np.generic], homography: Floats, reach: Floats, thinning: int = 0) -> Pixels:
+def pixels_on(capture_dn: NDArray[np.generic], homography: AnyFloats, reach: AnyFloats, thinning: int = 0) -> Pixels:
     """The pixels of a capture (height, width) within ±`reach` (2,) modules of a marker's centre.
 
     Args:
@@ -129,19 +128,19 @@ def pixels_on(capture_dn: NDArray[np.generic], homography: Floats, reach: Floats
     return Pixels(column.astype(np.float32), row.astype(np.float32), block[row, column].astype(np.float32), (left, top))
 
 
-def _on_marker(pixels: Pixels, homography: Floats) -> tuple[Image, Image]:
+def _on_marker(pixels: Pixels, homography: AnyFloats) -> tuple[Images, Images]:
     """Where pixels lie on the marker: (u, v) in modules, (N,) each."""
     return _mapped(_from(homography, pixels.origin), pixels.x, pixels.y)
 
 
-def _from(homography: Floats, origin: tuple[int, int]) -> Image:
+def _from(homography: AnyFloats, origin: tuple[int, int]) -> Images:
     """From pixels counted from `origin` to modules, (3, 3)."""
     shift = np.array([[1, 0, -origin[0]], [0, 1, -origin[1]], [0, 0, 1.0]])
     inverse = cv2.invert(shift @ homography)[1]  # ten times as fast as NumPy's for so small a matrix
     return np.asarray(inverse / inverse[2, 2], dtype=np.float32)
 
 
-def _mapped(homography: Floats, x: Floats, y: Floats) -> tuple[Floats, Floats]:
+def _mapped(homography: AnyFloats, x: AnyFloats, y: AnyFloats) -> tuple[AnyFloats, AnyFloats]:
     (a, b, c), (d, e, f), (g, h, i) = homography
     w = g * x + (h * y + i)
     return (a * x + (b * y + c)) / w, (d * x + (e * y + f)) / w
@@ -227,14 +226,14 @@ class Linearised:
         return self.fit.after(step, float(self._half)), chi2, float(np.sqrt(max(move, 0.0) / 2))
 
 
-def _with_levels(fit: Fit, value: Image, dn: Image) -> Fit:
+def _with_levels(fit: Fit, value: Images, dn: Images) -> Fit:
     """The fit with the gain and offset that suit its image best, all pixels alike."""
     deviation = value - value.mean()
     gain = float(deviation @ dn / max(float(deviation @ deviation), TINY))
     return Fit(fit.homography, gain, float(dn.mean() - gain * value.mean()), fit.shading, fit.blur_px2)
 
 
-def _inverse(normal: Floats) -> Floats | None:
+def _inverse(normal: AnyFloats) -> AnyFloats | None:
     scale = 1 / np.sqrt(np.maximum(np.diag(normal), TINY))
     scale = scale[:, None] * scale
     found, inverse = cv2.invert(normal * scale, flags=cv2.DECOMP_CHOLESKY)

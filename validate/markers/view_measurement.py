@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import ImageSensor
+from pss.hints import Floats
 from render.code_digest import Code, code_of
 from render.keys import content_of, random_stream
 from render.sensor import capture, fixed_pattern
@@ -37,7 +38,6 @@ __all__ = [
     "measure_code",
 ]
 
-Floats = NDArray[np.float64]
 
 APART = {
     "render.backend": "chooses the renderer, which the view's name holds",

@@ -6,17 +6,15 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
 from pss import Box, Rectangle, Sphere
+from pss.hints import Floats, Integers
 from pss.surrogates import Mesh
 from render.world.geometry import tile_sphere
 from render.world.state import SceneState
 
 __all__ = ["coarse", "object_meshes"]
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 # A finer mesh is drawn with about so many faces.
 MOST_FACES_DRAWN = 2000

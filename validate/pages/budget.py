@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import Floats
 from validate.pages.data import KINDS, SweepTable
 from validate.pages.figure import Columns, Figure, plain, ref
 from validate.pages.steps import Step
@@ -15,7 +15,6 @@ from validate.pages.style import GREY, INK, layout
 
 __all__ = ["Budget", "budget_columns", "budget_figure", "budget_terms", "visibility_columns", "visibility_figure"]
 
-Floats = NDArray[np.float64]
 Budget = dict[str, Floats]
 
 # Of a logarithmic axis of factors.

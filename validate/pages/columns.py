@@ -6,15 +6,13 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import CsvRow, Floats
 from validate.runs.csv_file import number_in
-from validate.runs.csv_rows import Row
+from validate.runs.csv_rows import CsvRow
 from validate.store.folder import StoreError
 
 __all__ = ["Columns", "check_counts", "is_number", "whole_number"]
-
-Floats = NDArray[np.float64]
 
 
 def check_counts(name: str, counts: Mapping[str, int], table: str, needed: int) -> None:
@@ -30,7 +28,7 @@ def check_counts(name: str, counts: Mapping[str, int], table: str, needed: int) 
             )
 
 
-def whole_number(row: Row, column: str) -> int:
+def whole_number(row: CsvRow, column: str) -> int:
     """The whole number in a field of a row.
 
     Raises:
@@ -47,7 +45,7 @@ def whole_number(row: Row, column: str) -> int:
 class Columns(dict[str, Floats]):
     """Columns of numbers by name; of one that is asked for and is none, the row that is wrong is named."""
 
-    def __init__(self, rows: Sequence[Row], shape: tuple[int, ...]) -> None:
+    def __init__(self, rows: Sequence[CsvRow], shape: tuple[int, ...]) -> None:
         super().__init__()
         self._rows = rows
         for key in rows[0]:
@@ -64,7 +62,7 @@ class Columns(dict[str, Floats]):
         raise StoreError(next((said for row in self._rows if (said := _misfit(row, key))), f"{key} is no column"))
 
 
-def _misfit(row: Row, column: str) -> str:
+def _misfit(row: CsvRow, column: str) -> str:
     try:
         number_in(row, column)
     except StoreError as error:

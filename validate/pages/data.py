@@ -8,18 +8,17 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import CsvRow, Floats
 from validate.pages.columns import Columns, check_counts, is_number, whole_number
 from validate.prediction.own_metrics import OWN_COLUMN
 from validate.runs.csv_file import number_in, read_csv
-from validate.runs.csv_rows import Row, all_of
+from validate.runs.csv_rows import all_of
 from validate.stats.optimum import FLAT, NO_OPTIMUM, optimum
 from validate.store.folder import StoreError
 
 __all__ = ["KINDS", "MM", "Curve", "Kind", "SweepTable", "needed_tables", "read_sweeps", "table_of"]
 
-Floats = NDArray[np.float64]
 
 NEEDED = ("configurations", "points", "correlation", "claims", "detection", "views")
 DETECTION = ("visible_detected", "visible_missed", "hidden_detected", "hidden_missed")
@@ -132,10 +131,10 @@ class SweepTable:
     points: dict[str, dict[str, Floats]]
     point_ids: tuple[int, ...]
     objects: tuple[str, ...]
-    correlation: tuple[Row, ...]
-    claims: tuple[Row, ...]
-    optima: tuple[Row, ...]
-    measurement: tuple[Row, ...]
+    correlation: tuple[CsvRow, ...]
+    claims: tuple[CsvRow, ...]
+    optima: tuple[CsvRow, ...]
+    measurement: tuple[CsvRow, ...]
     detection: dict[str, int]
 
     @property
@@ -201,7 +200,7 @@ class SweepTable:
             points={model: {key: v[chosen] for key, v in columns.items()} for model, columns in self.points.items()},
         )
 
-    def correlation_of(self, model: str, kind: Kind) -> Row | None:
+    def correlation_of(self, model: str, kind: Kind) -> CsvRow | None:
         """The row of a noise model's PSS with the measured PSS of the same kind, over the steps."""
         found = all_of(
             self.correlation, metric=kind.metric, noise_model=model, level="configuration", yardstick=kind.yardstick
@@ -246,11 +245,11 @@ def needed_tables(folder: Path, names: Sequence[str]) -> dict[str, list[dict[str
     return tables
 
 
-def _of_sweep(rows: Sequence[Row], name: str) -> list[Row]:
+def _of_sweep(rows: Sequence[CsvRow], name: str) -> list[CsvRow]:
     return [row for row in rows if row.get("sweep") == name]
 
 
-def table_of(name: str, tables: Mapping[str, Sequence[Row]]) -> SweepTable:
+def table_of(name: str, tables: Mapping[str, Sequence[CsvRow]]) -> SweepTable:
     """A sweep's table from its own rows: of configurations, points, correlation, claims and detection."""
     rows = tables["configurations"]
     models = tuple(dict.fromkeys(row["noise_model"] for row in rows))

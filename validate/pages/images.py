@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import PTZCamera
+from pss.hints import Pixels
 from render.files.exr import ViewPlanes
 from render.sensor import expected_electrons
 from render.world.state import Marker, SceneState
@@ -30,7 +31,6 @@ from validate.store.views import stored_planes
 
 __all__ = ["BUDGET_BYTES", "LAYERS", "MOST_BLUR_PX", "Crop", "Pictures", "chosen_crops", "overlay", "pictures_of"]
 
-Pixels = NDArray[np.uint8]
 
 # Of all pictures of a report, as text in the page (base64 is a third longer than the files).
 BUDGET_BYTES = 4_000_000

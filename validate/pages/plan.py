@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import Floats
 from validate.pages.data import MM, SweepTable
 from validate.pages.figure import Choice, Columns, Figure, plain, ref
 from validate.pages.steps import Step
@@ -17,7 +17,6 @@ from validate.stats.log_ticks import round_numbers
 
 __all__ = ["plan_figure"]
 
-Floats = NDArray[np.float64]
 
 # Which of x, y, z points right and up.
 SEEN = {"above": (0, 1), "y": (0, 2), "x": (1, 2)}

@@ -6,8 +6,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import Floats
 from validate.pages.curves import place, step_axis
 from validate.pages.data import SweepTable
 from validate.pages.empty_rows import NO_ORDER, Sign, empty_row_words
@@ -17,7 +17,6 @@ from validate.sweeps.correlation import SHARES_UNDER_MM
 
 __all__ = ["leaderboard_figure", "nees_figure"]
 
-Floats = NDArray[np.float64]
 
 # What lies between these percentiles of the points is drawn as a bar.
 MIDDLE = (10, 90)

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pss.hints import CsvRow
 from pss.visibility.targets import LEAST_CONTRAST_OVER_NOISE
 from validate.pages.data import KINDS, Kind, SweepTable
 from validate.points.measured_errors import FEWEST_TRIALS
-from validate.runs.csv_rows import Row
+from validate.runs.csv_rows import CsvRow
 from validate.stats.optimum import FLAT
 
 __all__ = [
@@ -238,7 +239,7 @@ def _of_the_dark(missed: int, too_dark: int) -> str:
     return f": {dark}" if too_dark == missed else f", {too_dark} of them {dark}"
 
 
-def claims(rows: Sequence[Row]) -> list[dict[str, str]]:
+def claims(rows: Sequence[CsvRow]) -> list[dict[str, str]]:
     """Rows of claims.csv in words: `claim`, `side`, `kind` and `at` (if there are such), `holds`, `figure`, `value`."""
     found = []
     for row in rows:

@@ -6,15 +6,14 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import Floats
 from validate.pages.data import KINDS, SweepTable
 from validate.pages.figure import Columns, plain
 from validate.pages.style import PURPLE_ORANGE
 
 __all__ = ["VIRIDIS", "plate_colours", "scales"]
 
-Floats = NDArray[np.float64]
 
 # Decades that a scale of ratios shows at least on each side of 1.
 LEAST_DECADES = 0.3

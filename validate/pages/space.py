@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import PTZCamera
+from pss.hints import Floats
 from render.world.geometry import plate_corners
 from render.world.state import SceneState
 from validate.pages.bodies import MOST_FACES_DRAWN, object_meshes
@@ -20,7 +21,6 @@ from validate.plots.frusta import Frustum, frustum, room_corners
 
 __all__ = ["PLATE_MODULES", "scene_columns"]
 
-Floats = NDArray[np.float64]
 
 # Of a marker's plate: the print with its quiet zone, as in the figures of a run.
 PLATE_MODULES = 8.0

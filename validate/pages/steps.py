@@ -9,9 +9,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss import Evaluation, PTZCamera
+from pss.hints import Bools, Floats
 from render.world.state import SceneState
 from validate.acquire.acquire import Acquisition
 from validate.markers.view_measurement import ViewMeasurement
@@ -19,8 +19,6 @@ from validate.sweeps.sweep import Plan
 
 __all__ = ["Sight", "Step", "covariances", "sight_of", "steps_of_plan"]
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 # A marker counts as found in a view if at least half of the trials found it, as in detection.csv.
 FOUND_FROM = 0.5

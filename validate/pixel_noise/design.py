@@ -6,7 +6,6 @@ import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from pss import ImageSensor
@@ -16,7 +15,6 @@ from validate.pixel_noise.laboratory import Factors, Setup, draw_poses
 
 __all__ = ["COMBINATIONS", "SERIES", "Plan", "Series", "Shot", "make_plan"]
 
-Floats = NDArray[np.float64]
 
 CENTRE = Factors()
 # Sampling noise (σ) of the noisiest edge pixels over the sensor's; over all of them it is a third of that.

@@ -12,9 +12,10 @@ import numpy as np
 import scipy.stats
 from numpy.typing import NDArray
 
+from pss.hints import Floats
+
 __all__ = ["Estimate", "PoseSpread", "bias", "detection_rate", "percentile_error", "spread"]
 
-Floats = NDArray[np.float64]
 
 LEVEL = 0.95
 

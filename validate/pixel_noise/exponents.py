@@ -15,11 +15,11 @@ import scipy.stats
 from numpy.typing import NDArray
 from scipy.special import digamma
 
+from pss.hints import Floats
 from validate.pixel_noise.estimates import LEVEL, Estimate
 
 __all__ = ["PowerLaw", "joint_exponents", "log_variance", "series_exponent", "slopes"]
 
-Floats = NDArray[np.float64]
 
 RESAMPLES = 2000
 # Of a resample's normal equations: beyond it, what was drawn does not tell the factors apart.

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.stats import qmc
 
 from pss import Appearance, ImageSensor, PTZCamera, Rectangle, noise_model
 from pss.cameras.photometry import electrons_per_radiance
+from pss.hints import Floats
 from render.light import lit_scene
 from render.light.radiosity import solve_light
 from render.world.marker_print import predefined_dictionary
@@ -26,7 +26,6 @@ from validate.markers.cramer_rao import centre_bound, draw_finely
 
 __all__ = ["DICTIONARY", "Factors", "Pose", "Setup", "draw_poses"]
 
-Floats = NDArray[np.float64]
 
 DICTIONARY = "DICT_4X4_100"
 MODULES = predefined_dictionary(DICTIONARY).markerSize + 2

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import ImageSensor
+from pss.hints import Floats
 from render import backend
 from render.code_digest import Code, code_of
 from render.keys import content_of, random_stream, view_code
@@ -30,7 +31,6 @@ from validate.store.folder import Store
 
 __all__ = ["APART", "Measured", "measure_all", "pixel_noise_code"]
 
-Floats = NDArray[np.float64]
 
 # Rendered views that wait to be measured; more would only fill memory.
 MOST_WAITING = 8

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pss.hints import Floats, Row
 from validate.pixel_noise.design import COMBINATIONS, SERIES, Series
 from validate.pixel_noise.estimates import Estimate, PoseSpread, bias, detection_rate, percentile_error, spread
 from validate.pixel_noise.exponents import PowerLaw, joint_exponents, log_variance, series_exponent
@@ -17,8 +18,6 @@ from validate.pixel_noise.measure import Measured
 
 __all__ = ["JOINT", "exponent_rows", "joint_law", "level_rows", "levels_of", "render_rows"]
 
-Row = dict[str, object]
-Floats = NDArray[np.float64]
 
 # A render that shows its marker in fewer captures says how the lucky ones scatter, not how captures do.
 LEAST_FOUND = 0.5

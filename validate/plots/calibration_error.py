@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import NullFormatter
-from numpy.typing import NDArray
 
 from validate.bank.calibration_study import EACH_FRAME, FROZEN, IN_WEIGHTS, OVER, OWN, WITHIN
 from validate.plots.drawing import plt
@@ -16,7 +15,6 @@ from validate.store.folder import atomic_path
 
 __all__ = ["draw"]
 
-Floats = NDArray[np.float64]
 Rows = Sequence[dict[str, object]]
 
 NONE = "#555555"

@@ -13,6 +13,7 @@ from PIL import Image
 
 from pss import RangeError
 from pss.errors import MissingLibraryError
+from pss.hints import Pixels
 from pss.processes.process import require_positive
 from render.world.state import Room
 from validate.plots.film_frame import PICTURE_PX, FilmFrame, draw_frame
@@ -20,7 +21,6 @@ from validate.store.folder import atomic_path
 
 __all__ = ["FILM_ENDINGS", "FilmFrame", "draw_frame", "write_film"]
 
-Picture = NDArray[np.uint8]
 
 # Of Pillow's 0 to 100: the text's edges stay clean. Slower methods than the fourth save some percent.
 WEBP_QUALITY, WEBP_METHOD = 85, 4
@@ -59,7 +59,7 @@ def write_film(
         FILM_ENDINGS[path.suffix](temporary, itertools.chain([first], pictures), frames_per_second)
 
 
-def _pictures(frames: Iterable[FilmFrame], room: Room, strategy: str) -> Iterator[Picture]:
+def _pictures(frames: Iterable[FilmFrame], room: Room, strategy: str) -> Iterator[Pixels]:
     walked: dict[str, list[NDArray[np.float64]]] = {}
     for frame in frames:
         for name, place in frame.avatars.items():
@@ -68,15 +68,15 @@ def _pictures(frames: Iterable[FilmFrame], room: Room, strategy: str) -> Iterato
         yield draw_frame(frame, room, strategy, so_far)
 
 
-def _write_webp(path: Path, pictures: Iterator[Picture], frames_per_second: float) -> None:
+def _write_webp(path: Path, pictures: Iterator[Pixels], frames_per_second: float) -> None:
     _save(path, map(Image.fromarray, pictures), frames_per_second, 1, quality=WEBP_QUALITY, method=WEBP_METHOD)
 
 
-def _write_gif(path: Path, pictures: Iterator[Picture], frames_per_second: float) -> None:
+def _write_gif(path: Path, pictures: Iterator[Pixels], frames_per_second: float) -> None:
     _save(path, map(_paletted, pictures), frames_per_second, 10, optimize=False)
 
 
-def _paletted(picture: Picture) -> Image.Image:
+def _paletted(picture: Pixels) -> Image.Image:
     """A picture in 256 colours: evenly spaced greys for the views, and what the rest needs."""
     greys = np.repeat(np.linspace(0, 255, GIF_GREYS).round().astype(np.uint8), 3)
     coloured = picture[np.ptp(picture, axis=2) > GREY_LEVELS]
@@ -98,7 +98,7 @@ def _save(path: Path, pictures: Iterator[Image.Image], frames_per_second: float,
     first.save(path, save_all=True, append_images=pictures, duration=held_ms, loop=0, **options)
 
 
-def _write_webm(path: Path, pictures: Iterator[Picture], frames_per_second: float) -> None:
+def _write_webm(path: Path, pictures: Iterator[Pixels], frames_per_second: float) -> None:
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*WEBM_CODEC), frames_per_second, PICTURE_PX)
     if not writer.isOpened():
         raise MissingLibraryError(f"this OpenCV has no {WEBM_CODEC} to write .webm with; allowed: .webp, .gif")
@@ -109,7 +109,7 @@ def _write_webm(path: Path, pictures: Iterator[Picture], frames_per_second: floa
         writer.release()
 
 
-FILM_ENDINGS: dict[str, Callable[[Path, Iterator[Picture], float], None]] = {
+FILM_ENDINGS: dict[str, Callable[[Path, Iterator[Pixels], float], None]] = {
     ".webp": _write_webp,
     ".gif": _write_gif,
     ".webm": _write_webm,

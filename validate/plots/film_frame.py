@@ -17,6 +17,7 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from pss import PTZCamera, RangeError, ShapeError
+from pss.hints import Floats, Pixels
 from render.world.state import Room
 from validate.plots.footprint import footprint_m, wedge_m
 from validate.plots.glyphs import settle_words
@@ -24,8 +25,6 @@ from validate.plots.sweep import MEASURED, MODEL_COLOURS
 
 __all__ = ["PICTURE_PX", "FilmFrame", "draw_frame"]
 
-Floats = NDArray[np.float64]
-Picture = NDArray[np.uint8]
 
 PICTURE_PX = (1280, 720)
 """Width and height of a picture."""
@@ -96,7 +95,7 @@ class FilmFrame:
             raise RangeError(f"headings_deg lacks {sorted(missing)}; allowed: one for each avatar")
 
 
-def draw_frame(frame: FilmFrame, room: Room, strategy: str, walked_m: Mapping[str, Floats] | None = None) -> Picture:
+def draw_frame(frame: FilmFrame, room: Room, strategy: str, walked_m: Mapping[str, Floats] | None = None) -> Pixels:
     """The picture of a frame, RGB, (height, width, 3) of `PICTURE_PX`.
 
     Views lie as their cameras do in the plan: those at greater y above, from left to right by x. The plan has, in the
@@ -171,7 +170,7 @@ def _draw_view(axes: Axes, frame: FilmFrame, index: int, size_px: tuple[int, int
     axes.text(1, above, f"zoom ×{camera.zoom:.1f}, {markers}", ha="right", color=MEASURED, **said)
 
 
-def _displayed(image: NDArray[np.generic], size_px: tuple[int, int]) -> Picture:
+def _displayed(image: NDArray[np.generic], size_px: tuple[int, int]) -> Pixels:
     """An image as it is shown, (height, width): made smaller while it is linear in light, then brightened."""
     # Averaging is for what gets smaller only.
     area = image.shape[1] >= size_px[0] and image.shape[0] >= size_px[1]

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss import PTZCamera
+from pss.hints import Floats
 from render.world.state import Room
 
 __all__ = ["footprint_m", "wedge_m"]
-
-Floats = NDArray[np.float64]
 
 
 def wedge_m(camera: PTZCamera, room: Room, height_m: float = 0.0) -> Floats:

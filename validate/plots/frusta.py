@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 from trimesh.intersections import slice_faces_plane
 
 from pss import PTZCamera
+from pss.hints import Floats
 from render.world.state import Room
 
 __all__ = ["Frustum", "frustum", "room_corners"]
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,11 +14,11 @@ from matplotlib.backend_bases import RendererBase
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Annotation, Text
 from matplotlib.transforms import Bbox
-from numpy.typing import NDArray
+
+from pss.hints import Floats
 
 __all__ = ["Name", "grouped", "names_beside", "shortened", "width_of"]
 
-Floats = NDArray[np.float64]
 
 # How many directions are tried around a sign, and how far from its rim, in heights of a line.
 DIRECTIONS = 16

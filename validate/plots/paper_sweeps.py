@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
+from pss.hints import Row
 from validate.plots.print_style import WIDTH_IN, for_print, print_colour_scale
 from validate.plots.room3d import draw_configuration, shared_colours
 from validate.plots.sweep import draw_curves
@@ -12,7 +13,6 @@ from validate.sweeps.sweep import SweepResult
 
 __all__ = ["SWEEPS", "shown_steps", "static_figure", "static_rows"]
 
-Row = dict[str, object]
 
 SWEEPS = {1: "zoom", 2: "focus", 3: "selection"}
 """The sweep of each of the paper's figures of static scenes."""

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from pss.hints import Row
 from validate.plots.print_style import WIDTH_IN, for_print, print_colour_scale
 from validate.plots.projected import Eye
 from validate.plots.room3d import SIGNS, draw_configuration, shared_colours
@@ -17,7 +18,6 @@ from validate.stats.intervals import interval
 
 __all__ = ["moments", "walk_figure", "walk_rows"]
 
-Row = dict[str, object]
 
 HEIGHT_IN = 6.2
 # The paper's moments: where the first person is, m along the hallway.

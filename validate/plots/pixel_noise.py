@@ -9,15 +9,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullFormatter, NullLocator, ScalarFormatter
-from numpy.typing import NDArray
 
+from pss.hints import Floats
 from validate.pixel_noise.design import COMBINATIONS
 from validate.plots.drawing import plt
 from validate.store.folder import atomic_path
 
 __all__ = ["draw", "noise_figure"]
 
-Floats = NDArray[np.float64]
 Rows = Sequence[dict[str, object]]
 
 # Colour-blind safe (Okabe and Ito).

@@ -13,10 +13,10 @@ from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Polygon
 from matplotlib.patches import Rectangle as Outline
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from pss import Box, PTZCamera, Rectangle, Sphere
+from pss.hints import Floats
 from pss.surrogates import Mesh
 from render.world.geometry import plate_corners
 from render.world.state import SceneObject
@@ -31,7 +31,6 @@ from validate.store.folder import atomic_path
 
 __all__ = ["plan_figure", "write_plan"]
 
-Floats = NDArray[np.float64]
 
 DPI = 150
 WIDTH_IN, HEIGHT_IN = 12.0, 9.0

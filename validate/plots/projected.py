@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import Box, Rectangle, Sphere
+from pss.hints import Floats
 from pss.surrogates import Mesh
 from render.world.state import Room
 
 __all__ = ["CELL_M", "Eye", "Patches", "patches_of", "room_edges", "wall_patches"]
 
-Floats = NDArray[np.float64]
 
 CELL_M = 0.15
 """Metres: surfaces are cut into patches no larger, so that sorting them by depth puts the nearer one on top."""

@@ -12,9 +12,9 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colorbar import Colorbar
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure, SubFigure
-from numpy.typing import NDArray
 
 from pss import PTZCamera
+from pss.hints import Floats
 from render.world.geometry import plate_corners
 from render.world.state import SceneState
 from validate.plots.frusta import frustum
@@ -27,7 +27,6 @@ __all__ = [
     "shared_colours",
 ]  # fmt: skip
 
-Floats = NDArray[np.float64]
 
 COLOUR_MAP = "viridis_r"
 """Of σ: bright is precise; even in lightness, so that it is read without colour vision too."""

@@ -6,7 +6,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
 from validate.plots.drawing import plt
 from validate.plots.sweep import MODEL_COLOURS
@@ -17,7 +16,6 @@ from validate.stats.intervals import interval
 
 __all__ = ["draw_panel", "key_lines", "schedule_figure"]
 
-Floats = NDArray[np.float64]
 
 PAPERS = {
     "follow": "(1) follow",

@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from validate.plots.drawing import plt
 from validate.plots.room3d import COLOUR_MAP, colour_scale, draw_configuration, shared_colours
@@ -17,7 +16,6 @@ from validate.sweeps.sweep import SweepResult
 
 __all__ = ["draw_errors", "measurement_figure"]
 
-Floats = NDArray[np.float64]
 
 MM = 1000.0
 # Numbers of markers that have room below an axis.

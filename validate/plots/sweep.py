@@ -12,8 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
-from numpy.typing import NDArray
 
+from pss.hints import Floats
 from pss.json_text import json_text
 from render.code_digest import code_of
 from validate.plots.contact_sheet import contact_sheet
@@ -47,7 +47,6 @@ __all__ = [
     "write_round_numbers",
 ]
 
-Floats = NDArray[np.float64]
 
 AXIS_NAMES = {
     "zoom": "zoom (90° / field of view)",

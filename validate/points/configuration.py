@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss import Appearance, Evaluation, PTZCamera, evaluate
+from pss.hints import Floats
 from pss.riccati.covariances import largest_standard_deviation, root_trace
 from scenes import Scene
 from validate.markers.view_measurement import ViewMeasurement
@@ -18,8 +18,6 @@ from validate.points.static_filter import Tracked, track_static
 from validate.points.triangulate import Triangulated, triangulate
 
 __all__ = ["Assessment", "Measured", "assess", "measure_configuration", "predict", "triangulated_errors"]
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,18 +6,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pss import Evaluation, PTZCamera
 from pss.cameras.views import Views
+from pss.hints import Bools, Floats
 from pss.riccati.covariances import from_six, largest_standard_deviation
 from validate.points.measured_errors import FEWEST_TRIALS, MeasuredErrors
 from validate.points.triangulate import SMALLEST_INFORMATION_RATIO, Triangulated, detection_weights
 
 __all__ = ["ErrorBudget", "error_budget", "propagated_errors"]
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

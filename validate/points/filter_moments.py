@@ -22,13 +22,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pss.errors import ShapeError
+from pss.hints import Floats
 from pss.processes.process import ProcessModel
 from pss.riccati.solve import steady_state_covariance_from_information
 from validate.points.static_filter import embedded, mean_over
 
 __all__ = ["steady_moments"]
-
-Floats = NDArray[np.float64]
 
 
 def steady_moments(

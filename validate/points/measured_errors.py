@@ -15,11 +15,11 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import gammaln
 
 from pss.errors import RangeError, ShapeError
+from pss.hints import Floats
 from pss.riccati.covariances import largest_standard_deviation, root_trace
 
 __all__ = ["FEWEST_TRIALS", "MeasuredErrors", "inverse_sigma_bias", "measured_inverse_sigma", "measured_pss"]
 
-Floats = NDArray[np.float64]
 
 # 1/σ̂ has no mean over one trial, so that nothing corrects it: a point that was triangulated only once counts zero.
 FEWEST_TRIALS = 2

@@ -23,14 +23,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from pss.cameras.camera import PTZCamera, as_points
 from pss.errors import RangeError, ShapeError
+from pss.hints import Bools, Floats
 from pss.processes.process import ProcessModel
 from pss.riccati.solve import posterior_covariance, steady_state_covariance_from_information
 from validate.points.triangulate import detection_weights
 
 __all__ = ["Tracked", "embedded", "mean_over", "track", "track_static", "trial_terms"]
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 # Frames before the average begins, in time constants of the slowest point: e^-10 of the start is left by then.
 SETTLING_TIME_CONSTANTS = 10

@@ -14,17 +14,15 @@ from itertools import combinations
 import cv2
 import numpy as np
 import scipy.stats
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pss.cameras.camera import PTZCamera
 from pss.cameras.views import Cameras, Views
 from pss.errors import RangeError, ShapeError
+from pss.hints import Bools, Floats, Integers
 
 __all__ = ["SMALLEST_INFORMATION_RATIO", "Triangulated", "detection_weights", "triangulate", "triangulated_points"]
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int64]
 
 VIEWS_TO_TRIANGULATE = 2
 # The reprojection χ² that detections with exactly their stated covariance exceed once in a million points …
@@ -65,8 +63,8 @@ class Triangulated:
     points_m: Floats
     covariance_m2: Floats
     linear_m: Floats
-    views: Ints
-    rejected: Ints
+    views: Integers
+    rejected: Integers
     used: Bools
 
 
@@ -104,7 +102,7 @@ def triangulate(cameras: Sequence[PTZCamera], pixels: ArrayLike, covariance: Arr
 
 def triangulated_points(
     cameras: Sequence[PTZCamera], pixels: Floats, detected: Bools, weight: Floats
-) -> tuple[Floats, Bools, Ints]:
+) -> tuple[Floats, Bools, Integers]:
     """`points_m`, `used` and `rejected` of `triangulate`, for whoever asks for many configurations of the same views.
 
     Args:
@@ -127,7 +125,7 @@ class _Located:
     """M points of all trials: m, (M, 3); which of them are known, and 1/m² their information; views (C, M)."""
 
     points_m: Floats
-    item: Ints
+    item: Integers
     information: Floats
     used: Bools
     rejected: Bools
@@ -228,7 +226,7 @@ class _Bundle:
         # As lines: beyond a right angle a wider angle makes the crossing worse again.
         self.abs_cosine = np.abs((self.rays[self.pairs[:, 0]] * self.rays[self.pairs[:, 1]]).sum(axis=-1))  # (pairs, M)
 
-    def linear(self, item: Ints, used: Bools) -> Floats:
+    def linear(self, item: Integers, used: Bools) -> Floats:
         """m, `cv2.triangulatePoints` over the pair of views with the widest angle between their rays, (S, 3)."""
         points = np.full((len(item), 3), np.nan)
         if not item.size:
@@ -244,7 +242,7 @@ class _Bundle:
                 points[rows] = (np.stack([x, y, z]) / w).T
         return points
 
-    def fit(self, item: Ints, used: Bools) -> tuple[Floats, Floats, Floats]:
+    def fit(self, item: Integers, used: Bools) -> tuple[Floats, Floats, Floats]:
         """By Levenberg–Marquardt: m, the points of least χ², (S, 3); that χ², (S,); 1/m², Σ HᵀR⁻¹H there, (S, 3, 3)."""
         points = self._start(item, used)
         chi2, information, gradient = self.normal_equations(points, item, used)
@@ -268,7 +266,7 @@ class _Bundle:
             active = active[going]
         return points, chi2, information
 
-    def leave_one_out(self, item: Ints, used: Bools) -> tuple[Ints, Floats, Floats]:
+    def leave_one_out(self, item: Integers, used: Bools) -> tuple[Integers, Floats, Floats]:
         """The view whose removal leaves the smallest χ², (S,), with the points (S, 3) and χ² (S,) of the others."""
         view, row = np.nonzero(used)
         others = used[:, row]
@@ -282,7 +280,7 @@ class _Bundle:
         columns = np.arange(len(item))
         return worst, points[where[worst, columns]], table[worst, columns]
 
-    def normal_equations(self, points: Floats, item: Ints, used: Bools) -> tuple[Floats, Floats, Floats]:
+    def normal_equations(self, points: Floats, item: Integers, used: Bools) -> tuple[Floats, Floats, Floats]:
         """χ² (S,), 1/m² Σ HᵀR⁻¹H (S, 3, 3), and 1/m Σ HᵀR⁻¹(pixel − projection) (S, 3), at `points` (S, 3)."""
         chi2, information, gradient = np.zeros(len(item)), np.zeros((len(item), 3, 3)), np.zeros((len(item), 3))
         for camera, pixels, weight, sees in zip(self.arrays, self.pixels, self.weight, used, strict=True):
@@ -301,7 +299,7 @@ class _Bundle:
             gradient[rows] += (jacobian.mT @ weighted)[..., 0]
         return chi2, information, gradient
 
-    def _start(self, item: Ints, used: Bools) -> Floats:
+    def _start(self, item: Integers, used: Bools) -> Floats:
         """m, where the search begins, (S, 3): the linear solution, or on the first ray if that is behind its camera."""
         first = used.argmax(axis=0)
         reach = np.array([camera.focus_distance_m for camera in self.cameras])[first]

@@ -19,6 +19,7 @@ from scipy.special import expit
 
 from pss import ImageSensor, RangeError
 from pss.cameras.views import Views
+from pss.hints import Floats
 from pss.surrogates import Shape
 from pss.visibility.detection import DETECTION_PARTS, detection_features
 from pss.visibility.points import visible_in
@@ -26,7 +27,6 @@ from pss.visibility.targets import TARGET_VISIBILITY
 
 __all__ = ["DetectionTrials", "FittedDetection", "detection_trials", "fit_detection", "log_loss"]
 
-Floats = NDArray[np.float64]
 
 # Share that is missed however good the view is: more than this is no lapse of a usable detector.
 LARGEST_LAPSE = 0.05

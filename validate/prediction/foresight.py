@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss import Evaluation
 from pss.cameras.photometry import electrons_per_radiance
 from pss.cameras.views import Views
+from pss.hints import Bools, Floats, Row
 from pss.noise.photometric import sides_e
 from pss.visibility.targets import (
     LEAST_CONTRAST_OVER_NOISE,
@@ -38,9 +38,6 @@ __all__ = [
     "model_rows",
 ]
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Row = dict[str, object]
 
 # Fitted by `run_sweep.py bank` on what was found and what was not (results/reference/bank/calibrated.toml): beyond
 # either limit 8 % of the markers are found, within both 97 %.

@@ -9,17 +9,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss import ImageSensor, RangeError
 from pss.cameras.views import Views
+from pss.hints import Floats
 from pss.surrogates import Shape
 from pss.visibility.points import visible_in
 from pss.visibility.targets import TARGET_VISIBILITY, blur_modules, narrow_side_px
 
 __all__ = ["FittedLimits", "fit_limits", "limits_of_targets", "whole_targets"]
 
-Floats = NDArray[np.float64]
 
 # Steps that are finer than what some hundred markers near a limit tell.
 SMALLEST_MODULES_PX = np.arange(10, 61) / 10

@@ -10,14 +10,13 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from pss import METRICS, Evaluation, Metric
+from pss.hints import Row
 from validate.stats.optimum import NO_OPTIMUM
 
 __all__ = ["OWN_COLUMN", "OwnScores", "best_step", "failures_of", "own_metrics", "own_scores", "own_table"]
 
 OWN_COLUMN = "metric_"
 """What the columns of own metrics begin with, the metric's name behind it."""
-
-Row = dict[str, object]
 
 
 @dataclass(frozen=True)

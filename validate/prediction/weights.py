@@ -18,6 +18,7 @@ from scipy.optimize import minimize
 
 from pss import Appearance, ImageSensor, NoiseModel, PTZCamera, RangeError
 from pss.cameras.views import Views
+from pss.hints import Floats
 from pss.noise import CALIBRATION_FACTORS, calibration_factor
 
 __all__ = [
@@ -31,7 +32,6 @@ __all__ = [
     "pixel_moments",
 ]
 
-Floats = NDArray[np.float64]
 
 # Trials in which a marker must have been detected for its moment to count.
 FEWEST_DETECTIONS = 5

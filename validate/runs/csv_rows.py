@@ -11,11 +11,11 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from pss.hints import CsvRow
 from validate.runs.csv_file import read_csv
 
 __all__ = [
     "NOTHING",
-    "Row",
     "Tables",
     "all_of",
     "bounds",
@@ -33,8 +33,7 @@ __all__ = [
     "with_range",
 ]
 
-Row = Mapping[str, str]
-Tables = Mapping[str, Sequence[Row]]
+Tables = Mapping[str, Sequence[CsvRow]]
 
 # What a table's cell shows where there is no number.
 NOTHING = "–"
@@ -47,33 +46,33 @@ def read_tables(folder: Path) -> dict[str, list[dict[str, str]]]:
     return {path.stem: [dict(row) for row in read_csv(path)] for path in sorted(folder.glob("*.csv"))}
 
 
-def all_of(rows: Sequence[Row], **wanted: str) -> list[Row]:
+def all_of(rows: Sequence[CsvRow], **wanted: str) -> list[CsvRow]:
     """The rows that have these values."""
     return [row for row in rows if all(row.get(key, "") == value for key, value in wanted.items())]
 
 
-def one_of(rows: Sequence[Row], **wanted: str) -> Row:
+def one_of(rows: Sequence[CsvRow], **wanted: str) -> CsvRow:
     """The first of them."""
     return all_of(rows, **wanted)[0]
 
 
-def first_of(rows: Sequence[Row], **wanted: str) -> Row | None:
+def first_of(rows: Sequence[CsvRow], **wanted: str) -> CsvRow | None:
     """The first of them; None if there is none."""
     return next(iter(all_of(rows, **wanted)), None)
 
 
-def value_of(row: Row | None, name: str) -> float:
+def value_of(row: CsvRow | None, name: str) -> float:
     """A number; nan where there is no row, no such column, or nothing in it."""
     return float((row or {}).get(name) or "nan")
 
 
-def bounds(row: Row | None, name: str) -> tuple[float, float, float]:
+def bounds(row: CsvRow | None, name: str) -> tuple[float, float, float]:
     """A number and the ends of its 95 % interval, from columns `name`, `name`_ci_low and `name`_ci_high; nan if not."""
     value, low, high = (value_of(row, key) for key in (name, f"{name}_ci_low", f"{name}_ci_high"))
     return value, low, high
 
 
-def number(row: Row | None, name: str) -> str:
+def number(row: CsvRow | None, name: str) -> str:
     """A number with its 95 % interval, in columns `name`, `name`_ci_low and `name`_ci_high."""
     return with_range(*((row or {}).get(key, "") for key in (name, f"{name}_ci_low", f"{name}_ci_high")))
 
@@ -120,7 +119,7 @@ def percent(value: str) -> str:
     return f"{100 * float(value):.1f} %" if value else NOTHING
 
 
-def percent_with_range(row: Row | None, name: str) -> str:
+def percent_with_range(row: CsvRow | None, name: str) -> str:
     """0.7 % [0.4, 1.1]; without what is not there."""
     value, low, high = (100 * number for number in bounds(row, name))
     if math.isnan(value):

@@ -11,8 +11,8 @@ import warnings
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import Floats, Row
 from validate.schedule.results import KINDS, ScheduleResult
 from validate.schedule.runs import limit_name
 from validate.stats.intervals import weighted_spearman
@@ -25,8 +25,6 @@ from validate.stats.series import (
 
 __all__ = ["ALL_RUNS", "agreement_rows", "with_ends"]
 
-Floats = NDArray[np.float64]
-Row = dict[str, object]
 
 ALL_RUNS = "all"
 

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pss.hints import Floats, Row
 from validate.schedule.own_cameras import OwnCameras
 from validate.schedule.results import Curves, ScheduleResult
 from validate.schedule.runs import limit_name
@@ -23,8 +24,6 @@ from validate.stats.intervals import interval, sample_interval
 
 __all__ = ["claim_rows"]
 
-Floats = NDArray[np.float64]
-Row = dict[str, object]
 Figure = Callable[[Floats], Floats]
 Estimate = tuple[float, Floats]
 

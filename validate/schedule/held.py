@@ -10,9 +10,9 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss import Appearance, Evaluation, PTZCamera, evaluate_many
+from pss.hints import Bools
 from pss.noise import Calibration
 from render.renderer import random_stream, state_key
 from scenes import Scene
@@ -40,8 +40,6 @@ from validate.sweeps.rows import pooled
 
 __all__ = ["MODELS", "Design", "Held", "HeldStep", "assess_held", "design_of", "predicted_at", "training_levels"]
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 # What is judged: the paper's two readings as they are and scaled, what needs no fit, and what was calibrated on other
 # views. Of these, the scaled ones are there if the calibration has their scales.

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import Floats
 from pss.noise import Calibration
 from render.renderer import random_stream, state_key
 from validate.acquire.acquire import Acquired
@@ -19,8 +19,6 @@ from validate.schedule.results import HEADLINE_KIND, KINDS, Curves, ScheduleResu
 from validate.sweeps.replicates import sweep_replicates
 
 __all__ = ["OwnCameras", "own_cameras"]
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

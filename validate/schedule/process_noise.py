@@ -17,10 +17,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss import Evaluation, PTZCamera
 from pss.errors import RangeError
+from pss.hints import Floats
 from pss.processes.process import ConstantVelocity, ProcessModel
 from pss.riccati.axes import axis_blocks, position_variance
 from pss.riccati.covariances import largest_standard_deviation
@@ -43,7 +43,6 @@ __all__ = [
     "predicted_inverse",
 ]
 
-Floats = NDArray[np.float64]
 
 RULED_BY = "physical"
 """The noise model whose prediction of the training views the rule takes: it is fitted to nothing."""

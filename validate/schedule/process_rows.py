@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
+from pss.hints import Floats, Row
 from validate.schedule.agreement import with_ends
 from validate.schedule.claims import CLOSER, FARTHER
 from validate.schedule.process_noise import alike_frame_rate_hz
@@ -13,9 +11,6 @@ from validate.stats.intervals import weighted_spearman
 from validate.stats.series import spearman_difference_interval, spearman_interval
 
 __all__ = ["process_rows"]
-
-Floats = NDArray[np.float64]
-Row = dict[str, object]
 
 
 def process_rows(result: ScheduleResult) -> list[Row]:

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import Floats
 from render.renderer import random_stream
 from scenes import Configuration
 from validate.points.configuration import Assessment
@@ -25,7 +25,6 @@ from validate.sweeps.sweep import REPLICATES, Plan, SweepResult
 
 __all__ = ["HEADLINE_KIND", "KINDS", "Curves", "ScheduleResult", "result_of"]
 
-Floats = NDArray[np.float64]
 
 HEADLINE_KIND = "filter, q ≈ c"
 KINDS = ("filter", HEADLINE_KIND, "single frame")

@@ -6,14 +6,13 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from pss.hints import Row
 from validate.schedule.results import HEADLINE_KIND, ScheduleResult
 from validate.schedule.runs import limit_name
 from validate.stats.intervals import sample_interval
 from validate.sweeps.rows import configuration_rows, point_rows
 
 __all__ = ["held_configuration_rows", "held_point_rows", "run_rows"]
-
-Row = dict[str, object]
 
 
 def held_configuration_rows(result: ScheduleResult) -> list[Row]:

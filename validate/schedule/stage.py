@@ -8,8 +8,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import Bools
 from scenes import Scene, SceneError
 from scenes.people.avatar import Stance
 from scenes.people.gait import stride_of_speed
@@ -19,8 +19,6 @@ from validate.schedule.walk import Passing, passing
 
 __all__ = ["BOTH", "Stage", "stage_of", "stance_in"]
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 BOTH = "both"
 """In a table's column `avatar`: the markers of both."""

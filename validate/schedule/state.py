@@ -9,10 +9,10 @@ from functools import cached_property
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss import PTZCamera, RangeError, ShapeError, evaluate_many
 from pss.cameras.motors import PTZLimits, follow, moved_towards
+from pss.hints import Floats
 from pss.noise import NoiseModel
 from pss.processes.process import require_positive
 from pss.processes.steady_state import Process
@@ -21,7 +21,6 @@ from scenes.errors import nearest
 
 __all__ = ["Assignment", "Avatar", "Plan", "StrategyState"]
 
-Floats = NDArray[np.float64]
 Assignment = tuple[str, ...]
 """The name of the avatar that each camera is assigned to."""
 

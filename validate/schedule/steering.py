@@ -12,10 +12,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss import PTZCamera, RangeError
 from pss.cameras.motors import follow, moved_towards, quantised
+from pss.hints import Bools, Floats
 from validate.schedule.state import Assignment, Plan, StrategyState
 from validate.schedule.strategies import Strategy
 from validate.schedule.tracker import Measure, Track, Tracking, noisy_positions
@@ -23,8 +23,6 @@ from validate.schedule.walk import Passing
 
 __all__ = ["Steered", "steer"]
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 # A step of the walk that is this part of a frame off a whole number of frames is one.
 WHOLE_FRAMES = 1e-6

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import Floats, Row
 from validate.schedule.results import KINDS, ScheduleResult
 from validate.schedule.runs import limit_name
 from validate.stats.intervals import interval, sample_interval, weighted_spearman
@@ -14,8 +14,6 @@ from validate.sweeps.rows import THRESHOLDS_MM
 
 __all__ = ["Yardstick", "ranking_rows", "strategy_rows", "yardsticks"]
 
-Floats = NDArray[np.float64]
-Row = dict[str, object]
 
 # Below a sweep's thresholds: the errors of these markers are tenths and hundredths of a millimetre.
 FINE_MM = (0.02, 0.05, 0.1, 0.2)

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
 from pss import Box
+from pss.hints import Floats
 from pss.surrogates import Cylinder, Mesh, Surrogate, on_box, on_cylinder, on_mesh
 from render.world.state import SceneState
 from validate.schedule.state import Avatar
 
 __all__ = ["CYLINDER_RADIUS_M", "avatar_like"]
 
-Floats = NDArray[np.float64]
 
 # Of a person without the arms; the paper says "cylinders" and no more.
 CYLINDER_RADIUS_M = 0.25

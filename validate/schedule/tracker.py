@@ -10,15 +10,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss import ConstantVelocity, RangeError, ShapeError
+from pss.hints import Floats
 from pss.processes.process import require_positive
 from render.renderer import random_stream
 
 __all__ = ["Measure", "Track", "Tracking", "noisy_positions"]
 
-Floats = NDArray[np.float64]
 Measure = Callable[[str, int, Floats], Floats | None]
 """From an avatar's name, the number of the frame and the true position, m, (3,), to a measured one; None for none."""
 

@@ -10,7 +10,6 @@ import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss import PTZCamera, RangeError
 from pss.cameras.motors import fitting_zoom
@@ -35,7 +34,6 @@ from validate.schedule.stage import Stage
 
 __all__ = ["Training", "calibrate_hallway", "training_views"]
 
-Floats = NDArray[np.float64]
 
 # Times of the walk, as shares of it, between steps of the shipped schedule; and how much wider the lanes are.
 TIMES = (0.07, 0.22, 0.38, 0.62, 0.83)

@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pss.cameras.camera import as_points
 from pss.errors import GeometryError, RangeError, ShapeError
+from pss.hints import Floats
 from pss.processes.process import require_positive
 
 __all__ = ["Passing", "Walk", "passing"]
 
-Floats = NDArray[np.float64]
 
 Y = 1  # the hallway's long side
 

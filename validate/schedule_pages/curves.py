@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import Floats
 from validate.pages.data import KINDS, Kind
 from validate.pages.figure import Choice, Columns, Figure, plain, ref
 from validate.pages.style import INK, layout, line_at, model_style
@@ -14,7 +14,6 @@ from validate.schedule_pages.tables import ScheduleTable
 
 __all__ = ["walk_columns", "walk_figure"]
 
-Floats = NDArray[np.float64]
 
 AXES = (("y", "where the first avatar is"), ("time", "time"))
 SCALES = (("shape", "share of the highest of all runs"), ("size", "1/m"))

@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from pss.hints import CsvRow
 from validate.pages.empty_rows import Sign, empty_row_words
 from validate.pages.figure import Choice, Columns, Figure, plain, ref
 from validate.pages.style import GREY, INK, layout, model_style
-from validate.runs.csv_rows import Row, all_of
+from validate.runs.csv_rows import all_of
 from validate.schedule_pages.tables import KIND_NAMES, ScheduleTable, number
 
 __all__ = ["agreement_figure", "ranking_figure"]
@@ -127,7 +128,7 @@ def _range(columns: Mapping[str, Any]) -> list[float]:
     return [-0.05, 1.15 * max(every, default=1.0)]
 
 
-def _add(columns: Columns, name: str, names: Iterable[str], rows: list[Row], value: str, interval: str) -> None:
+def _add(columns: Columns, name: str, names: Iterable[str], rows: list[CsvRow], value: str, interval: str) -> None:
     """Values and lengths of bars, in the order of `names`; None where a strategy has no row."""
     of = {row["strategy"]: row for row in rows}
     at, low, high = (

@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from pss.hints import CsvRow
 from validate.pages.columns import whole_number
 from validate.pages.data import KINDS
 from validate.pages.sentences import claims, rho_words, standing_of
-from validate.runs.csv_rows import Row, all_of
+from validate.runs.csv_rows import all_of
 from validate.schedule.agreement import ALL_RUNS
 from validate.schedule_pages.tables import KIND_NAMES, ScheduleTable, number
 
@@ -123,7 +124,7 @@ def remarks(table: ScheduleTable) -> list[str]:
     return found
 
 
-def _agreement(table: ScheduleTable, model: str, kind: str) -> Row:
+def _agreement(table: ScheduleTable, model: str, kind: str) -> CsvRow:
     [row] = all_of(
         table.agreement,
         zoom_limit=table.first_limit,
@@ -134,7 +135,7 @@ def _agreement(table: ScheduleTable, model: str, kind: str) -> Row:
     return row
 
 
-def _ranking(table: ScheduleTable, model: str, kind: str) -> Row | None:
+def _ranking(table: ScheduleTable, model: str, kind: str) -> CsvRow | None:
     rows = all_of(
         table.ranking,
         zoom_limit=table.first_limit,
@@ -145,7 +146,7 @@ def _ranking(table: ScheduleTable, model: str, kind: str) -> Row | None:
     return rows[0] if rows else None
 
 
-def _three(row: Row, name: str) -> tuple[float, float, float]:
+def _three(row: CsvRow, name: str) -> tuple[float, float, float]:
     return number(row[name]), number(row[f"{name}_ci_low"]), number(row[f"{name}_ci_high"])
 
 
@@ -153,7 +154,7 @@ def _plain_range(value: float, low: float, high: float) -> str:
     return "undefined" if math.isnan(value) else f"{value:.2f} [{low:.2f}, {high:.2f}]"
 
 
-def _factor(model: str, row: Row) -> str:
+def _factor(model: str, row: CsvRow) -> str:
     """The median ratio's size as a factor."""
     if model in WITHOUT_SIZE:
         return "no meaning"
@@ -169,7 +170,7 @@ def _limit_words(table: ScheduleTable) -> str:
     return "no zoom limit" if table.first_limit == "none" else f"zoom limit {table.first_limit}"
 
 
-def _choice_words(kind: str, row: Row) -> str:
+def _choice_words(kind: str, row: CsvRow) -> str:
     rho = rho_words(*_three(row, "spearman"))
     opening = f"{kind.capitalize()}: it would choose {row['chosen']}"
     if row["chosen"] == row["best"]:

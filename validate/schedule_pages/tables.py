@@ -7,17 +7,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import CsvRow, Floats
 from validate.pages.data import Kind, SweepTable, needed_tables, table_of
 from validate.runs.csv_file import number_in
-from validate.runs.csv_rows import Row, all_of
+from validate.runs.csv_rows import all_of
 from validate.schedule.stage import BOTH
 from validate.store.folder import StoreError
 
 __all__ = ["KIND_NAMES", "ScheduleTable", "number", "read_schedule"]
 
-Floats = NDArray[np.float64]
 
 NEEDED = (
     "configurations points correlation claims detection agreement strategies ranking runs".split()  # noqa: SIM905
@@ -43,11 +42,11 @@ class ScheduleTable:
     y_m: Floats
     time_s: Floats
     assigned: tuple[str, ...]
-    agreement: tuple[Row, ...]
-    strategies: tuple[Row, ...]
-    ranking: tuple[Row, ...]
-    claims: tuple[Row, ...]
-    steering: tuple[Row, ...]
+    agreement: tuple[CsvRow, ...]
+    strategies: tuple[CsvRow, ...]
+    ranking: tuple[CsvRow, ...]
+    claims: tuple[CsvRow, ...]
+    steering: tuple[CsvRow, ...]
 
     @property
     def strategy_names(self) -> tuple[str, ...]:

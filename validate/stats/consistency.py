@@ -13,6 +13,7 @@ import numpy as np
 import scipy.stats
 from numpy.typing import NDArray
 
+from pss.hints import Floats
 from validate.points.measured_errors import inverse_sigma_bias
 from validate.stats.crossed import Judged, Resamples, Scale, with_interval
 from validate.stats.intervals import spearman_of_groups, tie_groups, weighted_spearman
@@ -20,7 +21,6 @@ from validate.stats.small_samples import after_trials
 
 __all__ = ["LEVELS", "Consistency", "anisotropy", "crossed_mean", "of_errors", "of_moments", "sandwich"]
 
-Floats = NDArray[np.float64]
 
 LEVELS = (0.5, 0.9, 0.95)
 # Trials from which a point's own moment is compared with a covariance.

@@ -30,10 +30,10 @@ import scipy.stats
 from numpy.typing import ArrayLike, NDArray
 
 from pss.errors import RangeError, ShapeError
+from pss.hints import Floats
 
 __all__ = ["LEVEL", "Judged", "Resamples", "Scale", "deviations", "mean_over_draws", "with_interval"]
 
-Floats = NDArray[np.float64]
 Scale = Literal["plain", "correlation", "positive", "share"]
 
 LEVEL = 0.95

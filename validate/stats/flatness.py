@@ -21,15 +21,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import Floats
 from pss.riccati.covariances import largest_standard_deviation
 from validate.points.measured_errors import MeasuredErrors, measured_inverse_sigma
 from validate.stats.intervals import LEVEL
 
 __all__ = ["EXCHANGES", "exchanged_ranges", "is_flat", "least_difference", "spread_of_points"]
 
-Floats = NDArray[np.float64]
 
 # A p-value of 0.05 needs 19 or more; with 199 it is known to 0.015.
 EXCHANGES = 199

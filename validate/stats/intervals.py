@@ -14,6 +14,7 @@ import scipy.stats
 from numpy.typing import ArrayLike, NDArray
 
 from pss.errors import RangeError, ShapeError
+from pss.hints import Floats
 
 __all__ = [
     "FEWEST_RESAMPLED",
@@ -28,7 +29,6 @@ __all__ = [
     "weighted_spearman",
 ]
 
-Floats = NDArray[np.float64]
 
 LEVEL = 0.95
 # Sums of the same terms in another order differ by roundings; such values must stay tied (a count of visible points has

@@ -8,14 +8,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from pss.hints import Floats
 from validate.stats.crossed import Judged, Resamples, with_interval
 from validate.stats.intervals import TIED, mid_ranks
 
 __all__ = ["Judged", "Ranked", "Resamples", "judge_against", "partial", "top_hits", "with_interval"]
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,14 +11,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import Floats, Integers
 from validate.stats.crossed import Judged, Resamples
 
 __all__ = ["Choices", "Picked", "Regrets", "numbers_of"]
 
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 DRAWS = 400
 
@@ -43,8 +41,8 @@ class Choices:
 
     size: int
     resamples: Resamples
-    own: Indices
-    left: Indices
+    own: Integers
+    left: Integers
 
     @classmethod
     def of(cls, resamples: Resamples, size: int, draws: int = DRAWS) -> Choices:
@@ -62,7 +60,7 @@ class Choices:
                 left[unit] = orders[first].reshape(draws, size)
         return cls(size, resamples, orders[:, :size], left)
 
-    def picked(self, numbers: Floats) -> Indices:
+    def picked(self, numbers: Floats) -> Integers:
         """The configuration with the highest number of each choice, (1 + B, draws); nan is never chosen, −1 unknown.
 
         Of several with the same number it is the first of the choice, whose order is random.
@@ -84,7 +82,7 @@ class Choices:
 class Picked:
     """What a number picks from each choice of each size."""
 
-    by_size: dict[int, Indices]
+    by_size: dict[int, Integers]
 
     @classmethod
     def by(cls, numbers: Floats, choices: dict[int, Choices]) -> Picked:
@@ -137,7 +135,7 @@ class Regrets:
         return judged, float(np.median(lost[0]))
 
 
-def _lost(chosen: Indices, best: Indices, measured: Floats) -> Floats:
+def _lost(chosen: Integers, best: Integers, measured: Floats) -> Floats:
     """1 − measured(chosen)/measured(best), (1 + B, draws); 0 where the best is no more than 0, nan where unknown."""
     got, most = (np.take_along_axis(measured, np.maximum(index, 0), axis=1) for index in (chosen, best))
     lost = np.where(most > 0, 1 - got / np.where(most > 0, most, 1.0), 0.0)

@@ -20,9 +20,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.stats
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pss.errors import ShapeError
+from pss.hints import Floats
 from validate.stats.intervals import weighted_spearman
 
 __all__ = [
@@ -34,7 +35,6 @@ __all__ = [
     "step_correlation",
 ]
 
-Floats = NDArray[np.float64]
 
 LEVEL = 0.95
 # Steps that half a period of the fastest cosine must span: with 21 steps and two cosines, simulated 95 % intervals

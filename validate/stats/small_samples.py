@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pss.hints import Floats
 from validate.points.measured_errors import inverse_sigma_bias
 
 __all__ = ["DRAWS", "AfterTrials", "after_trials"]
 
-Floats = NDArray[np.float64]
 
 # Of each cell, of which there are tens of thousands.
 DRAWS = 4

@@ -10,16 +10,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import Floats, Row
 from validate.stats.intervals import interval, weighted_spearman
 from validate.stats.optimum import optimum
 from validate.sweeps.sweep import SweepResult
 
 __all__ = ["claim_rows"]
 
-Floats = NDArray[np.float64]
-Row = dict[str, object]
 
 # A worst case that moves less than this from one step to the next, while PSS moves more, is flat there.
 FLAT = 0.01

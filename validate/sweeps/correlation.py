@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss import METRICS, Evaluation
+from pss.hints import Floats, Row
 from pss.metric.names import CAMERAS_TO_OBSERVE
 from validate.prediction.own_metrics import best_step, own_metrics
 from validate.stats.intervals import interval_with, kendall, oracle_regret, pearson_log, regret, weighted_spearman
@@ -18,8 +18,6 @@ from validate.sweeps.sweep import SweepResult
 
 __all__ = ["SHARES_UNDER_MM", "Correlation", "correlation_rows", "headline", "own_rows"]
 
-Floats = NDArray[np.float64]
-Row = dict[str, object]
 
 # mm. Errors of well set cameras are tenths of a millimetre: a share under 5 mm then only counts points.
 SHARES_UNDER_MM = (5, 0.02, 0.05, 0.1, 0.2)

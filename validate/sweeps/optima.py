@@ -12,8 +12,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import Floats, Row
 from validate.stats.flatness import is_flat, least_difference, spread_of_points
 from validate.stats.intervals import interval
 from validate.stats.optimum import FLAT, NO_OPTIMUM, optimum
@@ -21,8 +21,6 @@ from validate.sweeps.sweep import SweepResult
 
 __all__ = ["MEASURED", "PREDICTED", "Trend", "kind_words", "optimum_rows", "trend", "trends"]
 
-Floats = NDArray[np.float64]
-Row = dict[str, object]
 
 MEASURED, PREDICTED = "measured", "predicted"
 # Predictions that agree to this share are one to every reader of three digits.

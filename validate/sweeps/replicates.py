@@ -9,15 +9,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pss.errors import ShapeError
+from pss.hints import Floats
 from validate.points.measured_errors import MeasuredErrors
 from validate.stats.intervals import FEWEST_RESAMPLED
 
 __all__ = ["SweepReplicates", "sweep_replicates"]
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import Evaluation
+from pss.hints import Floats, Row
 from render.renderer import Certificate
 from scenes import Configuration
 from validate.acquire.acquire import Acquired, Acquisition
@@ -33,8 +34,6 @@ __all__ = [
     "write_csv",
 ]
 
-Row = dict[str, object]
-Floats = NDArray[np.float64]
 
 THIS_RUN, ANOTHER_RUN = "this run", "another run"
 THRESHOLDS_MM = (1, 2, 5, 10)

@@ -12,6 +12,7 @@ import dataclasses
 import numpy as np
 
 from pss import METRICS, NoiseModel
+from pss.hints import Row
 from pss.noise import SCALED_MODELS
 from validate.points.configuration import predict
 from validate.stats.intervals import interval, weighted_spearman
@@ -21,7 +22,6 @@ from validate.sweeps.sweep import SweepResult
 
 __all__ = ["SCALES", "scale_rows", "scaled"]
 
-Row = dict[str, object]
 
 # From m² that are read as px² down to where the errors of a detector are: R is then of 1e-5 px² and less.
 SCALES = (1.0, 0.1, 1e-2, 1e-3, 1e-4, 1e-5)

@@ -7,8 +7,8 @@ trials and points as that of measured PSS; the prediction is taken at the same p
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import Floats, Row
 from validate.points.measured_errors import MeasuredErrors
 from validate.stats.intervals import interval
 from validate.sweeps.optima import kind_words
@@ -16,9 +16,6 @@ from validate.sweeps.replicates import SweepReplicates
 from validate.sweeps.sweep import SweepResult
 
 __all__ = ["is_measurement", "measurement_rows"]
-
-Floats = NDArray[np.float64]
-Row = dict[str, object]
 
 
 def is_measurement(result: SweepResult) -> bool:

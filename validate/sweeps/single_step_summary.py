@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.table import Table
 
 from validate.runs.table_text import written
@@ -14,8 +13,6 @@ from validate.sweeps.sweep import SweepResult
 
 __all__ = ["error_line", "error_table", "ratio_table"]
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 MM = 1000.0
 

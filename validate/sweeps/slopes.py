@@ -11,9 +11,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pss.errors import ShapeError
+from pss.hints import Bools, Floats, Row
 from render.renderer import random_stream
 from validate.points.measured_errors import MeasuredErrors
 from validate.stats.intervals import interval
@@ -22,9 +23,6 @@ from validate.sweeps.sweep import REPLICATES, SweepResult
 
 __all__ = ["Slopes", "common_points", "log_slope", "slope_rows", "slopes", "slopes_of"]
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Row = dict[str, object]
 
 # A point whose detection is rarer than this in some step would be judged there by its lucky trials.
 SMALLEST_DETECTION_RATE = 0.5

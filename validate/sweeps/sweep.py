@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss import RangeError
+from pss.hints import Floats
 from render.lens.sampling import Sampling
 from render.renderer import random_stream, state_key
 from scenes import Configuration, Scene, SweepFile
@@ -22,7 +22,6 @@ from validate.sweeps.replicates import SweepReplicates, sweep_replicates
 
 __all__ = ["Plan", "SweepResult", "assess_sweep", "plan"]
 
-Floats = NDArray[np.float64]
 
 REPLICATES = 500
 

@@ -12,19 +12,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pss.cameras.camera import as_points
 from pss.errors import RangeError, ShapeError
+from pss.hints import Bools, Floats, Row
 from validate.stats.consistency import Consistency, crossed_mean, of_errors
 from validate.stats.ranking import Resamples
 from validate.tracked_walk.filter import WalkTracks
 
 __all__ = ["consistency", "group_masks"]
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Row = dict[str, object]
 
 # Frames that stay together in a resample: a second of a walk at ten frames a second, about a stride, in which a
 # filter of constant velocity has forgotten and the view of a marker, with its bias, has changed.

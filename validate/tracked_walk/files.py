@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pss.hints import Floats
 from render.renderer import random_stream
 from validate.plots.film import write_film
 from validate.plots.film_frame import FilmFrame
@@ -21,7 +21,6 @@ from validate.tracked_walk.trajectories import Poses, body_poses, torso_pose, to
 
 __all__ = ["film_frames", "torso_trajectories", "write_real_walk"]
 
-Floats = NDArray[np.float64]
 
 # Of all that is tracked and written, this trial's.
 SHOWN_TRIAL = 0

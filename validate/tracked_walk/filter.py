@@ -13,19 +13,17 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.stats
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pss import PTZCamera, RangeError, ShapeError
 from pss.cameras.views import Cameras, Views
+from pss.hints import Bools, Floats, Integers
 from pss.processes.process import ProcessModel, require_positive
 from pss.riccati.covariances import largest_standard_deviation
 from validate.points.triangulate import NEAREST_M, VIEWS_TO_TRIANGULATE, detection_weights, triangulate
 
 __all__ = ["WalkFiltering", "WalkTracks", "track_walk"]
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int64]
 
 POSITION = slice(0, 3)
 PIXEL_COORDINATES = 2
@@ -99,8 +97,8 @@ class WalkTracks:
     used: Bools
     gated: Bools
     lost: Bools
-    losses: Ints
-    found_again: Ints
+    losses: Integers
+    found_again: Integers
 
 
 def track_walk(

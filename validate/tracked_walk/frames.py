@@ -12,10 +12,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pss import ConstantVelocity, evaluate
 from pss.errors import RangeError
+from pss.hints import Bools, Floats, Row
 from pss.noise import Calibration
 from pss.processes.own_process import LinearProcess
 from render.renderer import state_key
@@ -44,9 +44,6 @@ __all__ = [
     "track_real_walk",
 ]
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Row = dict[str, object]
 
 # How fast the people of other walks go, from whose gait the filter's process is taken, in parts of this walk's speed.
 OTHER_SPEEDS = (0.85, 1.1)

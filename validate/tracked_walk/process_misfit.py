@@ -9,16 +9,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pss import ConstantVelocity, ShapeError
 from pss.cameras.camera import as_points
+from pss.hints import Floats, Row
 from validate.tracked_walk.consistency import group_masks
 
 __all__ = ["misfit_rows", "motion_misfit"]
 
-Floats = NDArray[np.float64]
-Row = dict[str, object]
 
 # White acceleration of density q, integrated twice over two frames with the weights of a triangle, gives the second
 # difference of three positions the variance q ∫ w(t)² dt = 2/3 q Δt³ along each axis.

@@ -7,17 +7,16 @@ What the filter's covariance is to be held against is the recursion from the fir
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pss.errors import RangeError, ShapeError
+from pss.hints import Floats
 from pss.processes.process import ProcessModel, require_positive
 from pss.processes.steady_state import SMALLEST_INFORMATION_RATIO, of_state
 from pss.riccati.solve import posterior_covariance, require_semidefinite
 from validate.tracked_walk.filter import STATES
 
 __all__ = ["riccati_along"]
-
-Floats = NDArray[np.float64]
 
 
 def riccati_along(

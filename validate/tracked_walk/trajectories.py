@@ -12,11 +12,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from pss import RangeError, ShapeError
 from pss.cameras.camera import as_points
+from pss.hints import Floats
 from render.world.state import Marker
 from scenes.markers.suit import ids_on
 from scenes.people.avatar import Stance, avatar_frames
@@ -24,7 +25,6 @@ from validate.store.folder import write_text
 
 __all__ = ["Poses", "body_poses", "torso_pose", "torso_reference_m", "write_tum", "write_walk"]
 
-Floats = NDArray[np.float64]
 Poses = tuple[Floats, Rotation]
 """Metres, the positions of a body's reference origin, (K, 3), and the K rotations from its axes to the world's."""
 
