@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pss.hints import CsvRow
 from pss.visibility.targets import LEAST_CONTRAST_OVER_NOISE
 from validate.pages.data import KINDS, Kind, SweepTable
 from validate.points.measured_errors import FEWEST_TRIALS
