@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from pss.hints import CsvRow
 from validate.findings.places import Place
-from validate.runs.csv_rows import CsvRow
 
 __all__ = ["cases", "common_population", "titles"]
 

@@ -9,7 +9,6 @@ import numpy as np
 
 from pss.hints import CsvRow, Floats
 from validate.runs.csv_file import number_in
-from validate.runs.csv_rows import CsvRow
 from validate.store.folder import StoreError
 
 __all__ = ["Columns", "check_counts", "is_number", "whole_number"]

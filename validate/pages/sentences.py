@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pss.hints import CsvRow
 from pss.visibility.targets import LEAST_CONTRAST_OVER_NOISE
 from validate.pages.data import KINDS, Kind, SweepTable
 from validate.points.measured_errors import FEWEST_TRIALS
-from validate.runs.csv_rows import CsvRow
 from validate.stats.optimum import FLAT
 
 __all__ = [
