@@ -21,7 +21,8 @@ import numpy as np
 
 from render import backend
 from render.lens.sampling import Sampling
-from render.renderer import Renderer, random_stream
+from render.random_streams import random_stream
+from render.renderer import Renderer
 from render.sensor import capture
 from scenes import load_scene
 from validate.acquire.acquire import baked

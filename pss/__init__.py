@@ -4,8 +4,9 @@ numpy and scipy only (trimesh for meshes): no renderer, no computer vision. See 
 and units, and `docs/metric.md` for the paper equation by equation.
 """
 
+from pss.cameras.appearance import Appearance
 from pss.cameras.camera import PTZCamera
-from pss.cameras.photometry import Appearance, ImageSensor
+from pss.cameras.sensor import ImageSensor
 from pss.errors import GeometryError, MissingLibraryError, PSSError, RangeError, RiccatiError, ShapeError
 from pss.metric.aggregation import Aggregation
 from pss.metric.evaluate import evaluate, evaluate_many

@@ -1,4 +1,4 @@
-"""Names of views and of solved light: hashes of all that determines them, and the random numbers that belong to a view.
+"""Names of views and of solved light: hashes of all that determines them.
 
 A name has two parts. The first stands for what is seen: scene state, camera, sensor, sampling and renderer. The second
 stands for the code that makes it, and the versions of the libraries that the code uses (`render.code_digest`). Random
@@ -26,7 +26,6 @@ __all__ = [
     "digest_of",
     "light_code",
     "light_key",
-    "random_stream",
     "state_key",
     "view_code",
     "view_key",
@@ -89,10 +88,3 @@ def _plain(value: object) -> object:
         fields = {field.name: getattr(value, field.name) for field in dataclasses.fields(value) if field.compare}
         return {"type": type(value).__name__, **fields}
     raise TypeError(f"{type(value).__name__} has no place in a view's hash")
-
-
-def random_stream(seed: int, key: str, stream: str, trial: int = 0) -> np.random.Generator:
-    """The random numbers of one stream of one view in one trial: the same for any order, worker count or resume."""
-    words = hashlib.sha256(f"{key}/{stream}".encode()).digest()
-    entropy = [seed, trial, *np.frombuffer(words, dtype=np.uint32).tolist()]
-    return np.random.default_rng(np.random.SeedSequence(entropy))

@@ -17,14 +17,15 @@ from scipy.ndimage import maximum_filter, uniform_filter
 
 from pss import ImageSensor, PTZCamera, RangeError
 from render import backend
-from render.keys import content_of, light_key, random_stream, state_key, view_key
+from render.keys import content_of, state_key, view_key
 from render.lens import motion, thin_lens
 from render.lens.sampling import RingLight, Sampled, Sampling, film_samples, pixel_means, sample_image
 from render.light import lit_scene
+from render.random_streams import random_stream
 from render.sensor import capture, expected_electrons, fixed_pattern, saturated_share, surely_saturated
 from render.world.state import SceneState
 
-__all__ = ["Certificate", "RenderedView", "Renderer", "ViewRequest", "light_key", "random_stream", "state_key"]
+__all__ = ["Certificate", "RenderedView", "Renderer", "ViewRequest"]
 
 
 # An edge crosses a marker's pixel where the samples within it spread (σ) by more than this many times its sensor noise.

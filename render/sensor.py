@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from pss import ImageSensor, PTZCamera
 from pss.cameras.distortion import stretch, undistorted
-from pss.cameras.photometry import electrons_per_radiance
+from pss.cameras.sensor import electrons_per_radiance
 from pss.hints import AnyFloats, Images
 
 __all__ = [
@@ -86,7 +86,7 @@ def expected_electrons(radiance_w_per_m2_sr: AnyFloats, camera: PTZCamera, senso
     """Mean photoelectrons of every pixel, (height, width), for a radiance image (height, width).
 
     The irradiance behind the lens is L (π/4) (a/v)² cos⁴ θ; photons and quantum efficiency are one factor with it
-    (`pss.cameras.photometry.electrons_per_radiance`).
+    (`pss.cameras.sensor.electrons_per_radiance`).
     """
     return radiance_w_per_m2_sr * (electrons_per_radiance(camera, sensor) * relative_illumination(camera))
 

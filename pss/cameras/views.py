@@ -8,19 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
+from pss.cameras.appearance import Appearance
 from pss.cameras.distortion import fold_radius, stretch
-from pss.cameras.photometry import Appearance
 from pss.hints import Bools, Floats
 from pss.riccati.covariances import COLUMNS, ROWS
 
-if TYPE_CHECKING:
-    from pss.cameras.camera import PTZCamera
-
-__all__ = ["Cameras", "Views"]
+__all__ = ["CameraModel", "Cameras", "Views"]
 
 
 # Of each pair of entries xx, xy, …, one in the world (down) and one in the camera's frame (across), row and column.
@@ -28,10 +25,41 @@ TO_ROW, FROM_ROW = np.meshgrid(ROWS, ROWS, indexing="ij")
 TO_COLUMN, FROM_COLUMN = np.meshgrid(COLUMNS, COLUMNS, indexing="ij")
 
 
+class CameraModel(Protocol):
+    """What a camera needs to be predicted with: its pose, pinhole, thin lens and image size; `PTZCamera` has it all."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def position_m(self) -> tuple[float, float, float]: ...
+    @property
+    def rotation(self) -> Floats: ...
+    @property
+    def focal_px(self) -> float: ...
+    @property
+    def principal_point_px(self) -> tuple[float, float]: ...
+    @property
+    def resolution(self) -> tuple[int, int]: ...
+    @property
+    def pixel_pitch_m(self) -> float: ...
+    @property
+    def radial_distortion(self) -> tuple[float, float]: ...
+    @property
+    def psf_sigma_px(self) -> float: ...
+    @property
+    def focus_distance_m(self) -> float: ...
+    @property
+    def image_distance_m(self) -> float: ...
+    @property
+    def focal_length_m(self) -> float: ...
+    @property
+    def aperture_diameter_m(self) -> float: ...
+
+
 class Cameras:
     """The parameters of C cameras as arrays, each with a last axis of one for the points: (C, 1), or (C, 3, 3)."""
 
-    def __init__(self, cameras: Sequence[PTZCamera]) -> None:
+    def __init__(self, cameras: Sequence[CameraModel]) -> None:
         self.cameras = tuple(cameras)
         count = len(self.cameras)
 
@@ -92,7 +120,7 @@ class Views:
 
     def __init__(
         self,
-        cameras: Sequence[PTZCamera] | Cameras,
+        cameras: Sequence[CameraModel] | Cameras,
         points_m: Floats,
         normals: Floats | None = None,
         appearance: Appearance | None = None,
@@ -103,7 +131,7 @@ class Views:
         self.appearance = appearance
 
     @property
-    def cameras(self) -> tuple[PTZCamera, ...]:
+    def cameras(self) -> tuple[CameraModel, ...]:
         """The C cameras."""
         return self.arrays.cameras
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pss.cameras.appearance import Appearance
 from pss.cameras.camera import PTZCamera, as_points
-from pss.cameras.photometry import Appearance
 from pss.cameras.views import Cameras, Views
 from pss.errors import RangeError, ShapeError
 from pss.hints import Bools, Floats, Indices

@@ -9,8 +9,8 @@ from functools import cached_property
 
 import numpy as np
 
+from pss.cameras.appearance import Appearance
 from pss.cameras.camera import PTZCamera
-from pss.cameras.photometry import Appearance
 from pss.cameras.views import Views
 from pss.hints import Bools, Floats, Indices
 from pss.modalities.sensors import Sensor

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pss.cameras.photometry import ImageSensor
+from pss.cameras.sensor import ImageSensor
 from pss.cameras.views import Views
 from pss.hints import Floats
 from pss.noise.factors import of_camera

@@ -35,7 +35,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from pss.cameras.photometry import ImageSensor
+from pss.cameras.sensor import ImageSensor
 from pss.errors import RangeError
 from pss.files import read_toml
 from pss.noise.factors import (

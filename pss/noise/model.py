@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pss.cameras.appearance import Appearance
 from pss.cameras.camera import PTZCamera, as_points
-from pss.cameras.photometry import Appearance, ImageSensor
+from pss.cameras.sensor import ImageSensor
 from pss.cameras.views import Views
 from pss.errors import RangeError, ShapeError
 from pss.hints import Floats

@@ -16,7 +16,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.special import erf
 
-from pss.cameras.photometry import Appearance, ImageSensor, electrons_per_radiance
+from pss.cameras.appearance import Appearance
+from pss.cameras.sensor import ImageSensor, electrons_per_radiance
 from pss.cameras.views import Views
 from pss.errors import RangeError
 from pss.hints import Floats

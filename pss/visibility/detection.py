@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 from scipy.special import expit
 
-from pss.cameras.photometry import ImageSensor
+from pss.cameras.sensor import ImageSensor
 from pss.cameras.views import Views
 from pss.errors import RangeError
 from pss.hints import Floats

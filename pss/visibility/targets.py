@@ -14,7 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pss.cameras.photometry import Appearance, ImageSensor
+from pss.cameras.appearance import Appearance
+from pss.cameras.sensor import ImageSensor
 from pss.cameras.views import Views
 from pss.errors import RangeError
 from pss.hints import Bools, Floats

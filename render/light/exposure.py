@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pss import Appearance, ImageSensor, PTZCamera, RangeError
-from pss.cameras.photometry import electrons_per_radiance
+from pss.cameras.sensor import electrons_per_radiance
 from pss.hints import Floats
 
 __all__ = ["AutoExposure", "ExposureChoice", "choose_exposure"]

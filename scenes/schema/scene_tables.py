@@ -13,7 +13,7 @@ from pydantic import Field
 
 from pss import NOISE_MODELS, noise_model
 from pss.cameras.camera import MAX_ABS_TILT_DEG, MOST_BLADES
-from pss.cameras.photometry import LARGEST_PRNU_SHARE
+from pss.cameras.sensor import LARGEST_PRNU_SHARE
 from pss.visibility.targets import VISIBILITIES
 from render.light.exposure import AutoExposure
 from scenes.reading.limits import (

@@ -12,7 +12,7 @@ from rich.console import Console
 
 from pss import noise_model
 from render import backend
-from render.renderer import state_key
+from render.keys import state_key
 from tests.gate.gate import Claim, family_level, format_claims, judge, turn_shows
 from tests.gate.gate_bank import gate_bank, measured_points, predicted_points, turned_view
 from validate.acquire.acquire import acquire

@@ -28,7 +28,8 @@ from numpy.typing import NDArray
 
 from pss import PTZCamera
 from render.files.exr import write_view
-from render.renderer import Certificate, RenderedView, ViewRequest, random_stream
+from render.random_streams import random_stream
+from render.renderer import Certificate, RenderedView, ViewRequest
 from render.world.marker_print import pattern
 from render.world.state import Marker, SceneState
 

@@ -27,7 +27,7 @@ from pss.cameras.motors import PTZLimits
 from pss.noise import DistanceIncidence, IdentityNoise, NoiseModel
 from render.lens.thin_lens import film_position, sensor_dict
 from render.light.exposure import AutoExposure
-from render.renderer import random_stream
+from render.random_streams import random_stream
 from render.world.geometry import surfaces
 from render.world.state import Light, Marker, MarkerPrint, Panel, Room, SceneState
 

@@ -8,7 +8,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from pss import Appearance, ImageSensor, PTZCamera, RangeError, ShapeError, evaluate, noise_model
-from pss.cameras.photometry import electrons_per_radiance
+from pss.cameras.sensor import electrons_per_radiance
 from pss.noise import BrightnessContrast, NoiseModel
 
 # The closed form is of an average tag, the pixels' of a mean over CODES random ones.

@@ -10,7 +10,7 @@ import pytest
 import trimesh
 
 from pss import GeometryError, RangeError
-from render.renderer import state_key
+from render.keys import state_key
 from render.world.backdrop import read_backdrop
 from scenes import SceneError, load_scene
 

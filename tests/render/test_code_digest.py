@@ -18,8 +18,9 @@ from render import backend
 from render.code_digest import PACKAGES, ROOT, code_of, installed_version
 from render.files.exr import read_view, write_view
 from render.keys import APART as VIEW_APART
-from render.keys import light_code, random_stream, view_code
+from render.keys import light_code, view_code
 from render.lens.sampling import Sampling
+from render.random_streams import random_stream
 from render.renderer import Renderer
 from render.sensor import capture
 from validate.markers.view_measurement import APART as MEASURE_APART
@@ -79,7 +80,7 @@ def test_shifted_detections_are_other_measurements(tmp_path):
         ("validate/markers/coarse_fit.py", True, False),
         ("validate/markers/registration.py", True, False),
         ("render/sensor.py", True, True),
-        ("pss/cameras/photometry.py", True, True),
+        ("pss/cameras/sensor.py", True, True),
         ("render/lens/thin_lens.py", False, True),
         ("render/world/traced_meshes.py", False, True),
         ("pss/cameras/camera.py", True, True),

@@ -14,11 +14,12 @@ from pss import Box, ImageSensor, PTZCamera, Sphere
 from pss.surrogates import Mesh
 from pss.visibility.points import visible_points
 from render import backend
+from render.keys import state_key
 from render.lens.sampling import Sampling
 from render.light import lit_scene
 from render.light.patches import MOST_SPLIT_PATCHES
 from render.light.radiosity import solve_radiosity
-from render.renderer import Renderer, state_key
+from render.renderer import Renderer
 from render.world import lit_meshes
 from render.world.lit_meshes import SHEET_M, lit_mesh
 from render.world.meshes import FEWEST_PATCHES, MOST_MESH_PATCHES, mesh_patches, patches_wanted, shares, skin

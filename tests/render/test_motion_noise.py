@@ -24,7 +24,8 @@ from render.lens.motion import moved
 from render.lens.sampling import Sampling
 from render.light import lit_scene
 from render.light.radiosity import solve_light
-from render.renderer import RenderedView, Renderer, random_stream
+from render.random_streams import random_stream
+from render.renderer import RenderedView, Renderer
 from render.sensor import capture, expected_electrons, fixed_pattern
 from render.world.state import Light, Marker, MarkerPrint, Motion, Room, SceneObject, SceneState
 from validate.markers.view_measurement import measure_capture

@@ -16,8 +16,9 @@ import numpy as np
 import pytest
 
 from render import backend
+from render.keys import light_key
 from render.lens.sampling import Sampling
-from render.renderer import Renderer, ViewRequest, light_key
+from render.renderer import Renderer, ViewRequest
 from render.sensor import expected_electrons
 from tests.helpers.views import window
 from validate.acquire.acquire import baked

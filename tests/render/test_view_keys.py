@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 from pss import Box, ImageSensor, PTZCamera, Rectangle, Sphere
 from pss.surrogates import Mesh
 from render.code_digest import Code
-from render.keys import light_key, random_stream, state_key
+from render.keys import light_key, state_key
 from render.lens.sampling import Sampling
+from render.random_streams import random_stream
 from render.renderer import ViewRequest
 from render.world.marker_print import pattern
 from render.world.state import Light, Marker, MarkerPrint, Motion, Panel, Room, SceneObject, SceneState

@@ -12,7 +12,7 @@ import trimesh
 import scenes.markers.spread
 import scenes.mesh_file
 from pss.surrogates import Mesh
-from render.renderer import state_key
+from render.keys import state_key
 from scenes import SceneError, load_scene
 from scenes.markers.layout import PLATE_OFFSET_M, plate_corners_m
 from scenes.markers.spread import spread_over

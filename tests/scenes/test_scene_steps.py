@@ -9,8 +9,8 @@ import pytest
 
 import scenes.steps.sweep_file
 from pss import evaluate
+from render.keys import state_key
 from render.lens.sampling import Sampling
-from render.renderer import state_key
 from scenes import SceneError, known_sweeps, load_scene, load_sweep
 from validate.sweeps.sweep import plan
 

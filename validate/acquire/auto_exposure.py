@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from render.backend import Backend
+from render.keys import light_key, state_key
 from render.light import lit_scene
 from render.light.exposure import ExposureChoice, choose_exposure
-from render.renderer import light_key, state_key
 from scenes import Scene, SweepFile
 from validate.acquire.acquire import baked
 from validate.store.folder import Store

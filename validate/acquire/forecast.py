@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from render.backend import Backend
-from render.renderer import light_key
+from render.keys import light_key
 from scenes import Scene, SweepFile
 from validate.acquire.acquire import Acquisition
 from validate.acquire.auto_exposure import with_exposures

@@ -16,8 +16,9 @@ import cv2
 
 from pss import ImageSensor, PTZCamera
 from render import backend
+from render.keys import state_key
 from render.lens.sampling import Sampling
-from render.renderer import Certificate, Renderer, ViewRequest, state_key
+from render.renderer import Certificate, Renderer, ViewRequest
 from render.world.state import SceneState
 from validate.acquire.acquire import baked
 from validate.acquire.request import Acquisition, LightError, said

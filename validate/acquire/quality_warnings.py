@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from pss.cameras.views import Views
 from pss.visibility.targets import LEAST_CONTRAST_OVER_NOISE
-from render.renderer import state_key
+from render.keys import state_key
 from validate.acquire.acquire import Acquired, Acquisition
 from validate.markers.darkness import brightest_in_view, dark_words, white_irradiance
 

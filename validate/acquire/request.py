@@ -6,8 +6,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 from pss import Appearance, PSSError, PTZCamera
+from render.keys import state_key
 from render.lens.sampling import Sampling
-from render.renderer import Certificate, ViewRequest, state_key
+from render.renderer import Certificate, ViewRequest
 from scenes import Scene
 from validate.markers.view_measurement import MeasureTask, ViewMeasurement
 from validate.store.folder import Store

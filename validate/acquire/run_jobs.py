@@ -6,7 +6,7 @@ import pickle
 from collections.abc import Sequence
 
 from render.backend import Backend
-from render.renderer import light_key, state_key
+from render.keys import light_key, state_key
 from validate.acquire.checks import check_workers, store_name
 from validate.acquire.dask_workers import WorkerGoneError, Workers, workers_of
 from validate.acquire.handout import MOST_DEATHS, Handout

@@ -31,7 +31,7 @@ from pss.cameras.camera import MAX_ABS_TILT_DEG
 from pss.cameras.views import Views
 from pss.hints import Floats
 from pss.noise import PixelCovariance
-from render.renderer import random_stream
+from render.random_streams import random_stream
 from validate.bank.measured import BankData
 from validate.points.triangulate import BLUNDER_INFLATION, BLUNDER_TAIL
 

@@ -19,7 +19,7 @@ from pss import PTZCamera, RangeError
 from pss.cameras.camera import MAX_ABS_TILT_DEG
 from pss.hints import Floats
 from render.lens.sampling import Sampling
-from render.renderer import random_stream
+from render.random_streams import random_stream
 from scenes import Scene
 from validate.acquire.acquire import Acquired, Acquisition, views_of
 from validate.bank.subpixel_shifts import joined, turned

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pss.hints import Floats
 from pss.processes.process import ProcessModel
 from pss.riccati.covariances import largest_standard_deviation
-from render.renderer import random_stream
+from render.random_streams import random_stream
 from validate.bank.measured import BankData, ConfigurationErrors
 from validate.bank.processes import workers_context
 from validate.points.filter_moments import steady_moments

@@ -14,7 +14,8 @@ from pss.json_text import json_text
 from pss.noise import CALIBRATION_FACTORS, SCALED_MODELS, Calibration
 from pss.visibility.points import VISIBILITY_TESTS, VisibilityTest
 from pss.visibility.targets import TARGET_VISIBILITY, within_limits
-from render.renderer import random_stream, state_key
+from render.keys import state_key
+from render.random_streams import random_stream
 from scenes import Scene, SceneError
 from validate.acquire.acquire import Acquired
 from validate.bank.design import ViewBank, draw_configurations

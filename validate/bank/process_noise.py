@@ -16,7 +16,7 @@ from pss.processes.process import ProcessModel
 from pss.processes.steady_state import of_state
 from pss.riccati.axes import axis_blocks, position_variance
 from pss.riccati.solve import posterior_covariance, steady_state_covariance_from_information
-from render.renderer import random_stream
+from render.random_streams import random_stream
 from validate.acquire.acquire import Acquired
 from validate.bank.design import ViewBank, draw_configurations
 from validate.bank.filtered import Filtered

@@ -14,7 +14,7 @@ from pss.hints import Row
 from pss.json_text import json_text
 from pss.visibility.points import visible_in
 from render import backend
-from render.renderer import random_stream
+from render.random_streams import random_stream
 from scenes import Scene, load_scene
 from scenes.steps.sweep_file import SWEEPS
 from validate.acquire.acquire import Acquired

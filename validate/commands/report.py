@@ -15,9 +15,9 @@ from pss import Evaluation
 from pss.json_text import as_json
 from render import backend
 from render.code_digest import code_of
+from render.keys import state_key
 from render.lens.sampling import Sampling
 from render.light import lit_scene
-from render.renderer import state_key
 from scenes import load_scene, load_sweep
 from validate.acquire.acquire import Acquisition, baked
 from validate.acquire.auto_exposure import with_exposures

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from pss import ImageSensor
 from pss.hints import Floats
 from render.code_digest import Code, code_of
-from render.keys import content_of, random_stream
+from render.keys import content_of
+from render.random_streams import random_stream
 from render.sensor import capture, fixed_pattern
 from render.world.marker_print import predefined_dictionary
 from validate.markers.detect import find_markers

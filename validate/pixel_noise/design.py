@@ -10,7 +10,8 @@ from scipy.stats import qmc
 
 from pss import ImageSensor
 from render.lens.sampling import Sampling
-from render.renderer import ViewRequest, random_stream
+from render.random_streams import random_stream
+from render.renderer import ViewRequest
 from validate.pixel_noise.laboratory import Factors, Setup, draw_poses
 
 __all__ = ["COMBINATIONS", "SERIES", "Plan", "Series", "Shot", "make_plan"]

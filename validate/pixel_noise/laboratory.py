@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 from scipy.stats import qmc
 
 from pss import Appearance, ImageSensor, PTZCamera, Rectangle, noise_model
-from pss.cameras.photometry import electrons_per_radiance
+from pss.cameras.sensor import electrons_per_radiance
 from pss.hints import Floats
 from render.light import lit_scene
 from render.light.radiosity import solve_light

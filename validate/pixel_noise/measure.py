@@ -17,7 +17,8 @@ from pss import ImageSensor
 from pss.hints import Floats
 from render import backend
 from render.code_digest import Code, code_of
-from render.keys import content_of, random_stream, view_code
+from render.keys import content_of, view_code
+from render.random_streams import random_stream
 from render.renderer import Renderer
 from render.sensor import FixedPattern, capture, expected_electrons, fixed_pattern
 from validate.acquire.queue import WorkerQueue

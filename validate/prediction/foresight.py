@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from pss import Evaluation
-from pss.cameras.photometry import electrons_per_radiance
+from pss.cameras.sensor import electrons_per_radiance
 from pss.cameras.views import Views
 from pss.hints import Bools, Floats, Row
 from pss.noise.photometric import sides_e

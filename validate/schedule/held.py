@@ -14,7 +14,8 @@ import numpy as np
 from pss import Appearance, Evaluation, PTZCamera, evaluate_many
 from pss.hints import Bools
 from pss.noise import Calibration
-from render.renderer import random_stream, state_key
+from render.keys import state_key
+from render.random_streams import random_stream
 from scenes import Scene
 from scenes.steps.schedule_file import ScheduleFile
 from validate.acquire.acquire import Acquired, Acquisition

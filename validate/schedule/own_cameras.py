@@ -8,7 +8,8 @@ import numpy as np
 
 from pss.hints import Floats
 from pss.noise import Calibration
-from render.renderer import random_stream, state_key
+from render.keys import state_key
+from render.random_streams import random_stream
 from validate.acquire.acquire import Acquired
 from validate.bank.judge import scene_contenders
 from validate.points.configuration import measure_configuration

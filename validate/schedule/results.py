@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from pss.hints import Floats
-from render.renderer import random_stream
+from render.random_streams import random_stream
 from scenes import Configuration
 from validate.points.configuration import Assessment
 from validate.schedule.held import MODELS, Held

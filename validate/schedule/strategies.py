@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from pss import RangeError
-from render.renderer import random_stream
+from render.random_streams import random_stream
 from scenes.errors import nearest
 from validate.schedule.state import Assignment, StrategyState
 

@@ -14,7 +14,7 @@ import numpy as np
 from pss import ConstantVelocity, RangeError, ShapeError
 from pss.hints import Floats
 from pss.processes.process import require_positive
-from render.renderer import random_stream
+from render.random_streams import random_stream
 
 __all__ = ["Measure", "Track", "Tracking", "noisy_positions"]
 

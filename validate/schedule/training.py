@@ -15,7 +15,8 @@ from pss import PTZCamera, RangeError
 from pss.cameras.motors import fitting_zoom
 from pss.cameras.views import Views
 from pss.noise import CALIBRATION_FACTORS, SCALED_MODELS, Calibration
-from render.renderer import random_stream, state_key
+from render.keys import state_key
+from render.random_streams import random_stream
 from scenes import Scene
 from scenes.steps.schedule_file import ScheduleFile
 from validate.acquire.acquire import Acquired, Acquisition

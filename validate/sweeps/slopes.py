@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from pss.errors import ShapeError
 from pss.hints import Bools, Floats, Row
-from render.renderer import random_stream
+from render.random_streams import random_stream
 from validate.points.measured_errors import MeasuredErrors
 from validate.stats.intervals import interval
 from validate.sweeps.replicates import sweep_replicates

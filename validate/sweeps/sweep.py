@@ -10,8 +10,9 @@ import numpy as np
 
 from pss import RangeError
 from pss.hints import Floats
+from render.keys import state_key
 from render.lens.sampling import Sampling
-from render.renderer import random_stream, state_key
+from render.random_streams import random_stream
 from scenes import Configuration, Scene, SweepFile
 from validate.acquire.acquire import Acquired, Acquisition, views_of
 from validate.markers.view_measurement import ViewMeasurement

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from pss.hints import Floats
-from render.renderer import random_stream
+from render.random_streams import random_stream
 from validate.plots.film import write_film
 from validate.plots.film_frame import FilmFrame
 from validate.schedule.stage import stance_in

@@ -18,7 +18,7 @@ from pss.errors import RangeError
 from pss.hints import Bools, Floats, Row
 from pss.noise import Calibration
 from pss.processes.own_process import LinearProcess
-from render.renderer import state_key
+from render.keys import state_key
 from scenes import Scene
 from scenes.markers.suit import ids_on
 from scenes.steps.schedule_file import ScheduleFile

@@ -13,7 +13,7 @@ from pss.cameras.views import Views
 from pss.noise import IdentityNoise
 from pss.riccati.covariances import largest_standard_deviation
 from pss.visibility.points import VISIBILITY_TESTS, visible_in
-from render.renderer import random_stream
+from render.random_streams import random_stream
 from validate.bank.calibration_errors import (
     CalibrationNoise,
     CalibrationSizes,

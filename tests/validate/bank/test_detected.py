@@ -10,7 +10,7 @@ from pss.cameras.views import Views
 from pss.noise import Calibration
 from pss.visibility.points import VISIBILITY_TESTS, visible_in
 from pss.visibility.targets import TARGET_VISIBILITY
-from render.renderer import state_key
+from render.keys import state_key
 from scenes import load_scene
 from tests.conftest import ROOM_FILE
 from validate.acquire.acquire import Acquired

@@ -11,12 +11,13 @@ import pytest
 
 from pss import PTZCamera, evaluate
 from pss.cameras.luminous import illuminance_lux, luminous_efficiency
-from pss.cameras.photometry import PLANCK_TIMES_LIGHT_SPEED_J_M
+from pss.cameras.sensor import PLANCK_TIMES_LIGHT_SPEED_J_M
 from pss.cameras.views import Views
 from pss.visibility.targets import LEAST_CONTRAST_OVER_NOISE, Legible, contrast_over_noise, visibility_tests
+from render.keys import state_key
 from render.lens.sampling import Sampling
 from render.light.estimated_light import estimated_appearance
-from render.renderer import ViewRequest, state_key
+from render.renderer import ViewRequest
 from scenes import load_scene
 from tests.helpers import made_up_run as made_up
 from tests.validate.sweeps.test_sweep_run import SCENE, SWEEP

@@ -21,7 +21,7 @@ from pss.processes.process import ConstantVelocity, RandomWalk
 from pss.riccati.solve import steady_state_covariance_from_information
 from pss.visibility.points import visible_in
 from pss.visibility.targets import TARGET_VISIBILITY
-from render.renderer import state_key
+from render.keys import state_key
 from scenes import SceneError, load_scene
 from scenes.steps.schedule_file import SURROGATES, load_schedule
 from validate.acquire.acquire import Acquired

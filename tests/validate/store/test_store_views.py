@@ -21,7 +21,8 @@ from rich.console import Console
 import validate.acquire.acquire as acquiring
 from pss import PTZCamera
 from render.files.exr import write_view
-from render.renderer import random_stream, state_key
+from render.keys import state_key
+from render.random_streams import random_stream
 from render.world.state import Light, Marker, Panel
 from tests.helpers.views import an_awkward_view
 from validate.acquire.acquire import Acquisition, acquire, with_whole_views

@@ -9,7 +9,8 @@ import pytest
 
 from pss import ConstantVelocity, RangeError
 from pss.noise import Calibration
-from render.renderer import random_stream, state_key
+from render.keys import state_key
+from render.random_streams import random_stream
 from scenes import load_scene
 from scenes.steps.schedule_file import load_schedule
 from tests.validate.schedule.test_hallway_study import LIMITS, acquired_of
