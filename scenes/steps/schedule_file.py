@@ -141,22 +141,22 @@ class ScheduleFile:
         name: the file's name without its ending.
         path: of the file.
         scene_path: of the scene file.
-        said: its tables.
+        spec: its tables.
     """
 
     name: str
     path: Path
     scene_path: Path
-    said: ScheduleSpec = field(repr=False)
+    spec: ScheduleSpec = field(repr=False)
 
     @property
     def zoom_limits(self) -> tuple[float | None, ...]:
         """The highest zooms that the runs may use, None for one without a limit."""
-        return tuple(None if limit == UNLIMITED else float(limit) for limit in self.said.zoom_limits)
+        return tuple(None if limit == UNLIMITED else float(limit) for limit in self.spec.zoom_limits)
 
     def resolved(self) -> dict[str, Any]:
         """The file's contents with overrides and defaults filled in: plain, JSON-serialisable, a valid file itself."""
-        return self.said.model_dump(mode="json", by_alias=True, exclude_none=True)
+        return self.spec.model_dump(mode="json", by_alias=True, exclude_none=True)
 
 
 def load_schedule(

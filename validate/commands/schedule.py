@@ -165,7 +165,7 @@ def _judge(
         reported = time.perf_counter() - after_tables
         if whole.real is not None:
             tracked = track_real_walk(whole.real, acquired, calibration)
-            said = whole.design.schedule.said
+            said = whole.design.schedule.spec
             told = said.process.acceleration_density_m2_s3
             with_whole_views(
                 lambda: write_real_walk(folder, tracked, store, said.seed, told),

@@ -39,7 +39,7 @@ def schedule_figure(result: ScheduleResult) -> Figure:
         len(KINDS), len(columns), figsize=(5.2 * len(columns), 4.2 * len(KINDS)), sharex=True, sharey="row",
         squeeze=False, layout="constrained",
     )  # fmt: skip
-    figure.suptitle(result.held.design.schedule.said.title, fontsize=15)
+    figure.suptitle(result.held.design.schedule.spec.title, fontsize=15)
     for row, kind in zip(grid, KINDS, strict=True):
         for axes, strategies in zip(row, columns, strict=True):
             draw_panel(axes, result, strategies, kind)

@@ -169,7 +169,7 @@ def _assess_step(
     for number, views in enumerate(different):
         measurements = [acquired.measured[item] for item in views]
         keys = "+".join(item.request.content for item in views)
-        rng = random_stream(design.schedule.said.seed, keys, "filter")
+        rng = random_stream(design.schedule.spec.seed, keys, "filter")
         measured = measure_configuration(scene, cameras[number], measurements, rng)
         rates = np.array([view.detected.mean(axis=0) for view in measurements])
         of_levels = measured_inverse(cameras[number], scene.state.points_m, measurements, measured, levels)
@@ -229,7 +229,7 @@ def _of_surrogates(
     points, normals, bodies, owner = [], [], [], []
     for each in walk.walks:
         middle = walk.positions_m[each.name][step]
-        person = avatar_like(design.schedule.said.surrogate, scene.state, each.name, middle)
+        person = avatar_like(design.schedule.spec.surrogate, scene.state, each.name, middle)
         points.append(person.surrogate.points_m + middle)
         normals.append(person.surrogate.normals)
         bodies.append(person.body(each.name, middle))

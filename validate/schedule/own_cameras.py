@@ -72,7 +72,7 @@ def own_cameras(
         state, steered = scene.state, design.runs[run].steered
         look = acquired.appearances[state_key(state)]
         contenders = [c for c in scene_contenders(scene, calibration) if c.name in result.noise_models]
-        together = np.full((design.schedule.said.trials, len(both), 3), np.nan)
+        together = np.full((design.schedule.spec.trials, len(both), 3), np.nan)
         for name, markers in groups.items():
             mine = [c for c, assigned in enumerate(steered.assignments[step]) if assigned == name]
             if not mine:
@@ -88,7 +88,7 @@ def own_cameras(
                     rates[name_of, kind][step, markers] = said.found
             wanted = [design.views[run][step][c] for c in mine]
             rng = random_stream(
-                design.schedule.said.seed, "+".join(item.request.content for item in wanted), "filter of own cameras"
+                design.schedule.spec.seed, "+".join(item.request.content for item in wanted), "filter of own cameras"
             )
             views = [acquired.measured[item] for item in wanted]
             found = measure_configuration(scene, cameras, views, rng)
@@ -105,7 +105,7 @@ def own_cameras(
     weights = result.replicates[result.noise_models[0]].point_weights
     samples = {key: weights @ values.T for key, values in inverse.items()}
     # The stream of the result's own resamples, so that a ratio of the two keeps its pairing.
-    rng = random_stream(design.schedule.said.seed, result.avatar, "schedule intervals")
+    rng = random_stream(design.schedule.spec.seed, result.avatar, "schedule intervals")
     replicates = sweep_replicates(errors, inverse[result.noise_models[0], "single frame"], rng, len(weights))
     samples["", "single frame"] = replicates.measured_pss
     return OwnCameras(inverse, samples, {key: values[:, both] for key, values in rates.items()}, weights)

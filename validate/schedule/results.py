@@ -173,7 +173,7 @@ def _replicates(held: Held, assessments: tuple[Assessment, ...], avatar: str) ->
         for model in MODELS
         if model in assessments[0].predicted
     }
-    rng = random_stream(held.design.schedule.said.seed, avatar, "schedule intervals")
+    rng = random_stream(held.design.schedule.spec.seed, avatar, "schedule intervals")
     first = sweep_replicates(errors, next(iter(said.values())), rng, REPLICATES)
     # What is measured is the same for all models, and they are compared on the same resamples.
     return {

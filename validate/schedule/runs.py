@@ -61,16 +61,16 @@ def plan_of(schedule: ScheduleFile, stage: Stage, zoom_limit: float | None) -> P
     """What a run's strategy gets to know, by the surrogates that the schedule asks for."""
     start = stage.at(stage.walk.times_s[0])
     avatars = {
-        w.name: avatar_like(schedule.said.surrogate, start.state, w.name, w.position_m(stage.walk.times_s[0]))
+        w.name: avatar_like(schedule.spec.surrogate, start.state, w.name, w.position_m(stage.walk.times_s[0]))
         for w in stage.walk.walks
     }
     return Plan(
         avatars,
-        limits=motor_limits(schedule.said.motors, zoom_limit),
+        limits=motor_limits(schedule.spec.motors, zoom_limit),
         step_s=stage.walk.step_s,
-        radius_m=schedule.said.target.radius_m,
+        radius_m=schedule.spec.target.radius_m,
         process=stage.scene.process,
-        seed=schedule.said.seed,
+        seed=schedule.spec.seed,
     )
 
 
@@ -80,14 +80,14 @@ def strategies_of(schedule: ScheduleFile, own: Mapping[str, Strategy]) -> dict[s
     Raises:
         RangeError: a name that is neither.
     """
-    return {name: own.get(name) or strategy_named(name) for name in schedule.said.strategies} | dict(own)
+    return {name: own.get(name) or strategy_named(name) for name in schedule.spec.strategies} | dict(own)
 
 
 def step_views(
     schedule: ScheduleFile, scene: Scene, cameras: Iterable[PTZCamera], renderer: str, trials: int | None = None
 ) -> tuple[Acquisition, ...]:
     """The views of a scene that a schedule asks for; None for its own number of trials."""
-    said = schedule.said
+    said = schedule.spec
     sampling = Sampling(noise_ratio=said.render_noise_ratio)
     return views_of(scene, cameras, sampling, renderer, said.seed, trials or said.trials)
 
@@ -102,7 +102,7 @@ def steered_runs(schedule: ScheduleFile, stage: Stage, own: Mapping[str, Strateg
         RangeError: a strategy that does not exist, or what `steer` refuses.
     """
     plans = {limit: plan_of(schedule, stage, limit) for limit in schedule.zoom_limits}
-    tracking = tracking_of(schedule.said.tracking, schedule.said.seed)
+    tracking = tracking_of(schedule.spec.tracking, schedule.spec.seed)
     return [
         Run(name, limit, steer(stage.walk, stage.scene.cameras, strategy, plan, tracking))
         for name, strategy in strategies_of(schedule, own).items()

@@ -119,7 +119,7 @@ def stage_of(schedule: ScheduleFile, scene: Scene) -> Stage:
         raise SceneError([f"{scene.path} has {len(names)} avatars ({', '.join(names) or 'none'}); allowed: two"])
     if scene.auto_exposure is not None:
         raise SceneError([f'{scene.path}: sensor.exposure_ms = "auto"; allowed: a number of ms, as all steps share it'])
-    said, room = schedule.said, scene.state.room
+    said, room = schedule.spec, scene.state.room
     for what, value, most in (
         ("walk.reach_m", said.walk.reach_m, room.length_m / 2),
         ("walk.lane_m", said.walk.lane_m, room.width_m / 2),

@@ -56,7 +56,7 @@ class Training:
 
 def training_views(schedule: ScheduleFile, stage: Stage, renderer: str) -> list[Training]:
     """The views to calibrate on: at each of five places a view of each camera."""
-    said, walk = schedule.said, stage.walk
+    said, walk = schedule.spec, stage.walk
     lanes = [(w.start_m[0] * WIDER_LANES, *w.start_m[1:]) for w in walk.walks]
     ends = [(w.end_m[0] * WIDER_LANES, *w.end_m[1:]) for w in walk.walks]
     moved = [

@@ -79,15 +79,15 @@ def write_schedule_report(folder: Path, made: ScheduleForReport, store: Store) -
     if table.runs != runs or len(table.y_m) != len(design.scenes):
         raise StoreError(f"{folder}/configurations.csv has other runs than the schedule; run the schedule again")
     steps = steps_of_design(design, found.places, made.predictions, made.measured)
-    section = schedule_section(table, found, design.schedule.said.title, design.stage.names, steps)
+    section = schedule_section(table, found, design.schedule.spec.title, design.stage.names, steps)
     every = {sight.view_key for step in steps for sight in step.sights}
     pictures = pictures_of(steps, section.crops, store, BUDGET_BYTES, WIDEST_PX)
     about = {
         "schedule": table.every.name,
         "scene": design.stage.scene.path.name,
         "different views": str(len(every)),
-        "trials of each view": str(design.schedule.said.trials),
-        "seed": str(design.schedule.said.seed),
+        "trials of each view": str(design.schedule.spec.trials),
+        "seed": str(design.schedule.spec.seed),
         "renderer": made.renderer,
     }
     path = folder / REPORT

@@ -165,7 +165,7 @@ def real_walk_of(schedule: ScheduleFile, stage: Stage, own: Mapping[str, Strateg
         RangeError: a strategy that does not exist, or a rate at which the walk or the tracking is no whole number of
             frames.
     """
-    said = schedule.said.real_walk
+    said = schedule.spec.real_walk
     if said is None:
         return None
     strategy = own.get(said.strategy) or strategy_named(said.strategy)
@@ -179,7 +179,7 @@ def real_walk_of(schedule: ScheduleFile, stage: Stage, own: Mapping[str, Strateg
     walk = dataclasses.replace(stage.walk, steps=round(frames) + 1)
     # Decisions are as far apart as in the held study.
     plan = plan_of(schedule, stage, None)
-    steered = steer(walk, stage.scene.cameras, strategy, plan, tracking_of(schedule.said.tracking, schedule.said.seed))
+    steered = steer(walk, stage.scene.cameras, strategy, plan, tracking_of(schedule.spec.tracking, schedule.spec.seed))
     scenes = tuple(stage.at(time_s, moving=True) for time_s in walk.times_s.tolist())
     views = tuple(
         step_views(schedule, scene, cameras, renderer, said.trials)
