@@ -31,9 +31,9 @@ from render.renderer import RenderedView, Renderer
 from render.world.state import Room
 from scenes import load_scene, load_sweep
 from validate.acquire.acquire import acquire, baked
-from validate.plots.frusta import frustum
 from validate.plots.room3d import COLOUR_MAP, OTHER, VARIED, colour_scale, shared_colours
 from validate.plots.sweep import draw_curves
+from validate.prediction.frusta import frustum
 from validate.runs.progress import ViewProgress
 from validate.store.folder import atomic_path
 from validate.store.remote import open_store

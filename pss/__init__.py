@@ -11,8 +11,8 @@ from pss.errors import GeometryError, MissingLibraryError, PSSError, RangeError,
 from pss.metric.aggregation import Aggregation
 from pss.metric.evaluate import evaluate, evaluate_many
 from pss.metric.evaluation import Evaluation, Evaluations
-from pss.metric.names import METRICS
 from pss.metric.table import Metric
+from pss.metrics import METRICS
 from pss.modalities.own_sensor import FunctionSensor
 from pss.modalities.sensors import Bearing, DepthCamera, PositionFix, RangeBeacon
 from pss.noise import NOISE_MODELS, NoiseModel, noise_model

@@ -23,8 +23,8 @@ from pathlib import Path
 import pytest
 
 import pss
-from pss.metric.names import OF_THE_PAPER
 from pss.metric.table import MetricTable
+from pss.metrics import OF_THE_PAPER
 from scenes import load_scene, load_sweep
 from tests.helpers.documents import BLOCKS, DOCS, PAGES, ROOT, shell_lines, toml_file
 from validate import run_sweep
@@ -94,7 +94,7 @@ def own_metrics(tmp_path_factory):
     record.mkdir()
     (record / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n")
     entries = project["entry-points"]["pss.metrics"]
-    lines = ["[pss.metric.names]", *(f"{name} = {value}" for name, value in entries.items())]
+    lines = ["[pss.metrics]", *(f"{name} = {value}" for name, value in entries.items())]
     (record / "entry_points.txt").write_text("\n".join(lines) + "\n")
     sys.path.insert(0, str(site))
     importlib.invalidate_caches()

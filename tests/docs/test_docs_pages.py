@@ -28,7 +28,7 @@ from render.light.lit_scene import GlowMeshes
 from render.world.state import Room
 from tests.helpers.documents import BLOCKS, DOCS, ROOT
 from validate import run_sweep
-from validate.plots.frusta import room_corners
+from validate.prediction.frusta import room_corners
 
 EQUATIONS_OF_THE_PAPER = 15
 NOTEBOOK = DOCS / "notebook.ipynb"

@@ -19,7 +19,7 @@ from pss.hints import Floats
 from pss.riccati.covariances import largest_standard_deviation, root_trace
 from validate.bank.calibration_predicted import inverse_where_known, second_moments
 from validate.bank.measured import BankData, measure_all
-from validate.points.measured_errors import measured_inverse_sigma
+from validate.stats.measured_errors import measured_inverse_sigma
 
 __all__ = ["MeasuredMoments", "carried_through", "triangulated"]
 

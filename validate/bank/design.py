@@ -24,7 +24,7 @@ from scenes import Scene
 from validate.acquire.acquire import Acquired, Acquisition, views_of
 from validate.bank.subpixel_shifts import joined, turned
 from validate.markers.view_measurement import ViewMeasurement
-from validate.points.measured_errors import FEWEST_TRIALS
+from validate.stats.measured_errors import FEWEST_TRIALS
 
 __all__ = [
     "BankDesign",

@@ -22,9 +22,9 @@ from render.random_streams import random_stream
 from validate.bank.measured import BankData, ConfigurationErrors
 from validate.bank.processes import workers_context
 from validate.points.filter_moments import steady_moments
-from validate.points.measured_errors import measured_inverse_sigma
 from validate.points.static_filter import track
 from validate.prediction.process_levels import Level, headline_of
+from validate.stats.measured_errors import measured_inverse_sigma
 
 __all__ = ["Filtered", "filter_all"]
 

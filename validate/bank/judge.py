@@ -31,8 +31,8 @@ from validate.prediction.weights import (
     fit_scale,
     model_covariance,
     pixel_moments,
+    scaled,
 )
-from validate.sweeps.scale_of_r import scaled
 
 __all__ = [
     "BASES",

@@ -13,9 +13,9 @@ from pss import METRICS
 from pss.hints import Floats, Row
 from validate.bank.measured import ConfigurationErrors
 from validate.bank.predicted import Predicted
-from validate.points.measured_errors import measured_inverse_sigma
 from validate.stats.crossed import deviations
 from validate.stats.intervals import kendall, pearson_log, tie_groups
+from validate.stats.measured_errors import measured_inverse_sigma
 from validate.stats.ranking import Judged, Ranked, Resamples, partial, top_hits, with_interval
 from validate.stats.regret import Choices, Picked, Regrets, numbers_of
 

@@ -20,9 +20,9 @@ from pss.hints import Floats
 from pss.processes.process import ProcessModel
 from validate.bank.processes import workers_context
 from validate.points.filter_moments import steady_moments
-from validate.points.measured_errors import MeasuredErrors
 from validate.points.static_filter import trial_terms
 from validate.points.triangulate import detection_weights, triangulated_points
+from validate.stats.measured_errors import MeasuredErrors
 
 __all__ = ["BankData", "ConfigurationErrors", "measure_all", "residual_moments"]
 

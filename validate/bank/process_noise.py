@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pss.hints import Floats, Row
-from pss.metric.names import CAMERAS_TO_OBSERVE
+from pss.metrics import CAMERAS_TO_OBSERVE
 from pss.processes.process import ProcessModel
 from pss.processes.steady_state import of_state
 from pss.riccati.axes import axis_blocks, position_variance

@@ -21,8 +21,8 @@ from validate.bank.judge import appearance_of, predictions
 from validate.bank.leaderboard import CountVerdict, single_frame_terms, yardsticks
 from validate.bank.measured import BankData
 from validate.bank.predicted import Contender
+from validate.prediction.weights import scaled
 from validate.stats.ranking import judge_against, with_interval
-from validate.sweeps.scale_of_r import scaled
 
 __all__ = ["scale_rows", "sensitivity_rows", "variants"]
 

@@ -17,6 +17,7 @@ from render.lens.sampling import Sampling
 from scenes import load_scene, load_sweep
 from scenes.steps.schedule_file import load_schedule
 from validate.acquire.acquire import Acquired, Acquisition, acquire
+from validate.acquire.view_names import view_names
 from validate.commands.run import check_folders
 from validate.runs.console import Console
 from validate.runs.folder_lock import alone_in
@@ -26,7 +27,6 @@ from validate.runs.table_text import table_text
 from validate.store.folder import Store, StoreError, write_text
 from validate.store.remote import open_store
 from validate.sweeps.sweep import assess_sweep, plan
-from validate.sweeps.view_names import view_names
 
 __all__ = ["main", "run"]
 

@@ -22,7 +22,6 @@ from validate.acquire.options import HERE, Scale
 from validate.acquire.quality_warnings import warn_of_darkness, warn_of_render_noise, warn_of_saturation
 from validate.commands.report import REPORT, of_results, source_of_report, write_report
 from validate.plots import sweep as figures
-from validate.points.measured_errors import FEWEST_TRIALS
 from validate.prediction.own_metrics import failures_of
 from validate.runs.exit_codes import EXIT_DONE, EXIT_FAILED
 from validate.runs.file_names import check_default_folder, check_names, sweep_name
@@ -31,11 +30,12 @@ from validate.runs.outputs import check_outputs
 from validate.runs.progress import clock
 from validate.runs.run_file import read_run
 from validate.runs.versions import versions
+from validate.stats.measured_errors import FEWEST_TRIALS
 from validate.store.folder import Store, StoreError, write_text
 from validate.store.remote import is_address, open_store
 from validate.sweeps import claims, correlation, optima, rows, scale_of_r, single_step, slopes, summary
+from validate.sweeps.step_names import names_in_steps
 from validate.sweeps.sweep import Plan, SweepResult, assess_sweep, plan
-from validate.sweeps.view_names import names_in_steps
 
 __all__ = ["Options", "check_folders", "execute", "linked_views"]
 

@@ -22,6 +22,7 @@ from validate.acquire.forecast import announce
 from validate.acquire.messages import RunMessages
 from validate.acquire.options import HERE, Scale
 from validate.acquire.quality_warnings import warn_of_darkness, warn_of_render_noise, warn_of_saturation
+from validate.acquire.view_names import view_names
 from validate.bank.judge import FREE_MODELS, check_models, judged, scene_contenders
 from validate.commands.run import check_folders, linked_views
 from validate.runs.console import Console
@@ -46,7 +47,6 @@ from validate.store.folder import Store, atomic_path, write_text
 from validate.store.remote import open_store
 from validate.sweeps.correlation import correlation_rows
 from validate.sweeps.rows import detection_rows, timing_rows, view_rows, write_csv
-from validate.sweeps.view_names import view_names
 from validate.tracked_walk.files import write_real_walk
 from validate.tracked_walk.frames import real_walk_of, track_real_walk
 from validate.tracked_walk.requested_views import Wanted

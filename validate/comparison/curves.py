@@ -12,7 +12,7 @@ from validate.comparison.axes import ratio_ticks, side_style
 from validate.comparison.series import OWN, Group, Series, leading
 from validate.pages.figure import Choice, Columns, Figure, plain, ref
 from validate.pages.style import GREY, INK, layout
-from validate.plots.sweep import AXIS_NAMES
+from validate.runs.axis_names import AXIS_NAMES
 
 __all__ = ["curves_figure", "moved_figure", "pair_choice"]
 

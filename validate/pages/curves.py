@@ -10,7 +10,7 @@ import numpy as np
 from validate.pages.data import KINDS, MM, Curve, SweepTable
 from validate.pages.figure import Choice, Columns, Figure, plain, ref
 from validate.pages.style import INK, LOG_AXIS, NUMBERS, layout, line_at, model_style
-from validate.plots.sweep import AXIS_NAMES
+from validate.runs.axis_names import AXIS_NAMES
 from validate.stats.stars import star_heights
 
 __all__ = ["curves_figure", "place", "step_axis"]

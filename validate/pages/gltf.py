@@ -20,7 +20,7 @@ from validate.pages.data import KINDS
 from validate.pages.section import Section
 from validate.pages.shades import plate_colours
 from validate.pages.space import PLATE_MODULES
-from validate.plots.frusta import frustum, room_corners
+from validate.prediction.frusta import frustum, room_corners
 from validate.runs.file_names import model_file
 from validate.store.folder import atomic_path
 

@@ -12,7 +12,7 @@ from validate.pages.data import MM, SweepTable
 from validate.pages.figure import Choice, Columns, Figure, plain, ref
 from validate.pages.steps import Step
 from validate.pages.style import GREY, INK, PURPLE_ORANGE, SCALE, layout
-from validate.plots.frusta import room_corners
+from validate.prediction.frusta import room_corners
 from validate.stats.log_ticks import round_numbers
 
 __all__ = ["plan_figure"]

@@ -11,7 +11,7 @@ import numpy as np
 from pss.hints import CsvRow
 from pss.visibility.targets import LEAST_CONTRAST_OVER_NOISE
 from validate.pages.data import KINDS, Kind, SweepTable
-from validate.points.measured_errors import FEWEST_TRIALS
+from validate.stats.measured_errors import FEWEST_TRIALS
 from validate.stats.optimum import FLAT
 
 __all__ = [

@@ -17,7 +17,7 @@ from validate.pages.data import KINDS, MM, SweepTable
 from validate.pages.figure import Columns, plain
 from validate.pages.scene3d import GROUPS, IDLE, Group
 from validate.pages.steps import Step
-from validate.plots.frusta import Frustum, frustum, room_corners
+from validate.prediction.frusta import Frustum, frustum, room_corners
 
 __all__ = ["PLATE_MODULES", "scene_columns"]
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from validate.acquire.acquire import Acquisition
+from validate.acquire.view_names import view_name
 from validate.markers.view_measurement import ViewMeasurement, load_measurement
 from validate.store.folder import Store, StoreError
 from validate.store.views import certificate_of
-from validate.sweeps.view_names import view_name
 
 __all__ = ["REPORT", "stored_measurements"]
 

@@ -17,9 +17,9 @@ from pss import PTZCamera
 from pss.hints import Floats
 from render.world.geometry import plate_corners
 from render.world.state import SceneState
-from validate.plots.frusta import frustum
 from validate.plots.names_beside import Name, grouped, names_beside
 from validate.plots.projected import CELL_M, Eye, Patches, patches_of, room_edges, wall_patches
+from validate.prediction.frusta import frustum
 from validate.sweeps.sweep import SweepResult
 
 __all__ = [

@@ -23,6 +23,7 @@ from validate.plots.names_beside import shortened, width_of
 from validate.plots.room3d import colour_scale, draw_configuration, shared_colours
 from validate.plots.single_step import measurement_figure
 from validate.plots.style import MEASURED, MODEL_COLOURS, TITLE_WIDTH, write_round_numbers
+from validate.runs.axis_names import AXIS_NAMES
 from validate.runs.file_names import FIGURES, figure_file
 from validate.runs.table_text import written
 from validate.stats.intervals import interval
@@ -48,19 +49,6 @@ __all__ = [
 ]
 
 
-AXIS_NAMES = {
-    "zoom": "zoom (90° / field of view)",
-    "focus_distance_m": "focus distance in m",
-    "pan_deg": "pan in degrees",
-    "tilt_deg": "tilt in degrees",
-    "f_number": "f-number",
-    "selection": "cameras",
-    "distance_m": "distance in m",
-    "cos_incidence": "cosine of the angle of incidence",
-    "exposure_ms": "exposure in ms",
-    "width_px": "pixels across the sensor",
-    "cameras": "number of cameras",
-}
 DPI = 130
 # Characters of a title's line, of a label, and of all labels of an axis that stand level.
 LONGEST_LABEL, LEVEL_WIDTH = 26, 50

@@ -13,9 +13,9 @@ from pss.riccati.covariances import largest_standard_deviation, root_trace
 from scenes import Scene
 from validate.markers.view_measurement import ViewMeasurement
 from validate.points.error_budget import propagated_errors
-from validate.points.measured_errors import MeasuredErrors, measured_inverse_sigma, measured_pss
 from validate.points.static_filter import Tracked, track_static
 from validate.points.triangulate import Triangulated, triangulate
+from validate.stats.measured_errors import MeasuredErrors, measured_inverse_sigma, measured_pss
 
 __all__ = ["Assessment", "Measured", "assess", "measure_configuration", "predict", "triangulated_errors"]
 

@@ -12,8 +12,8 @@ from pss import Evaluation, PTZCamera
 from pss.cameras.views import Views
 from pss.hints import Bools, Floats
 from pss.riccati.covariances import from_six, largest_standard_deviation
-from validate.points.measured_errors import FEWEST_TRIALS, MeasuredErrors
 from validate.points.triangulate import SMALLEST_INFORMATION_RATIO, Triangulated, detection_weights
+from validate.stats.measured_errors import FEWEST_TRIALS, MeasuredErrors
 
 __all__ = ["ErrorBudget", "error_budget", "propagated_errors"]
 

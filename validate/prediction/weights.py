@@ -30,6 +30,7 @@ __all__ = [
     "fit_scale",
     "model_covariance",
     "pixel_moments",
+    "scaled",
 ]
 
 
@@ -192,3 +193,8 @@ def _minimum(covariances: Floats, moments: PixelMoments) -> tuple[Floats, float]
         found.append((float(result.fun), result.x))
     value, best = min(found, key=lambda pair: pair[0])
     return np.where(best <= 1e-8, 0.0, best) * scale, value
+
+
+def scaled(model: NoiseModel, times: float, name: str) -> NoiseModel:
+    """The model with its whole R multiplied, under another name."""
+    return model.weighted({factor.name: times for factor in model.factors}, name)

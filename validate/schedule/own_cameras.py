@@ -13,10 +13,10 @@ from render.random_streams import random_stream
 from validate.acquire.acquire import Acquired
 from validate.bank.judge import scene_contenders
 from validate.points.configuration import measure_configuration
-from validate.points.measured_errors import MeasuredErrors
 from validate.schedule.held import Held, predicted_at
 from validate.schedule.process_noise import inverse_sigma, measured_inverse, predicted_inverse
 from validate.schedule.results import HEADLINE_KIND, KINDS, Curves, ScheduleResult
+from validate.stats.measured_errors import MeasuredErrors
 from validate.sweeps.replicates import sweep_replicates
 
 __all__ = ["OwnCameras", "own_cameras"]

@@ -27,10 +27,10 @@ from pss.riccati.covariances import largest_standard_deviation
 from validate.markers.view_measurement import ViewMeasurement
 from validate.points.configuration import Measured
 from validate.points.filter_moments import steady_moments
-from validate.points.measured_errors import measured_inverse_sigma
 from validate.points.static_filter import trial_terms
 from validate.points.triangulate import detection_weights
 from validate.prediction.process_levels import Level, levels_about
+from validate.stats.measured_errors import measured_inverse_sigma
 
 __all__ = [
     "RULED_BY",

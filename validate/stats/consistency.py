@@ -14,9 +14,9 @@ import scipy.stats
 from numpy.typing import NDArray
 
 from pss.hints import Floats
-from validate.points.measured_errors import inverse_sigma_bias
 from validate.stats.crossed import Judged, Resamples, Scale, with_interval
 from validate.stats.intervals import spearman_of_groups, tie_groups, weighted_spearman
+from validate.stats.measured_errors import inverse_sigma_bias
 from validate.stats.small_samples import after_trials
 
 __all__ = ["LEVELS", "Consistency", "anisotropy", "crossed_mean", "of_errors", "of_moments", "sandwich"]

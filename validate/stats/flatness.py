@@ -24,8 +24,8 @@ import numpy as np
 
 from pss.hints import Floats
 from pss.riccati.covariances import largest_standard_deviation
-from validate.points.measured_errors import MeasuredErrors, measured_inverse_sigma
 from validate.stats.intervals import LEVEL
+from validate.stats.measured_errors import MeasuredErrors, measured_inverse_sigma
 
 __all__ = ["EXCHANGES", "exchanged_ranges", "is_flat", "least_difference", "spread_of_points"]
 

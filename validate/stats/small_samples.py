@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss.hints import Floats
-from validate.points.measured_errors import inverse_sigma_bias
+from validate.stats.measured_errors import inverse_sigma_bias
 
 __all__ = ["DRAWS", "AfterTrials", "after_trials"]
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from pss import METRICS, Evaluation
 from pss.hints import Floats, Row
-from pss.metric.names import CAMERAS_TO_OBSERVE
+from pss.metrics import CAMERAS_TO_OBSERVE
 from validate.prediction.own_metrics import best_step, own_metrics
 from validate.stats.intervals import interval_with, kendall, oracle_regret, pearson_log, regret, weighted_spearman
 from validate.sweeps.optima import trend

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 
 from pss.errors import ShapeError
 from pss.hints import Floats
-from validate.points.measured_errors import MeasuredErrors
 from validate.stats.intervals import FEWEST_RESAMPLED
+from validate.stats.measured_errors import MeasuredErrors
 
 __all__ = ["SweepReplicates", "sweep_replicates"]
 

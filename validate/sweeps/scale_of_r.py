@@ -11,25 +11,21 @@ import dataclasses
 
 import numpy as np
 
-from pss import METRICS, NoiseModel
+from pss import METRICS
 from pss.hints import Row
 from pss.noise import SCALED_MODELS
 from validate.points.configuration import predict
+from validate.prediction.weights import scaled
 from validate.stats.intervals import interval, weighted_spearman
 from validate.stats.optimum import optimum
 from validate.sweeps.optima import trend
 from validate.sweeps.sweep import SweepResult
 
-__all__ = ["SCALES", "scale_rows", "scaled"]
+__all__ = ["SCALES", "scale_rows"]
 
 
 # From m² that are read as px² down to where the errors of a detector are: R is then of 1e-5 px² and less.
 SCALES = (1.0, 0.1, 1e-2, 1e-3, 1e-4, 1e-5)
-
-
-def scaled(model: NoiseModel, times: float, name: str) -> NoiseModel:
-    """The model with its whole R multiplied, under another name."""
-    return model.weighted({factor.name: times for factor in model.factors}, name)
 
 
 def scale_rows(result: SweepResult) -> list[Row]:

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from pss.hints import Floats, Row
-from validate.points.measured_errors import MeasuredErrors
 from validate.stats.intervals import interval
+from validate.stats.measured_errors import MeasuredErrors
 from validate.sweeps.optima import kind_words
 from validate.sweeps.replicates import SweepReplicates
 from validate.sweeps.sweep import SweepResult

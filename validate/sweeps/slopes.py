@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike
 from pss.errors import ShapeError
 from pss.hints import Bools, Floats, Row
 from render.random_streams import random_stream
-from validate.points.measured_errors import MeasuredErrors
 from validate.stats.intervals import interval
+from validate.stats.measured_errors import MeasuredErrors
 from validate.sweeps.replicates import sweep_replicates
 from validate.sweeps.sweep import REPLICATES, SweepResult
 

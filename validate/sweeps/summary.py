@@ -8,10 +8,10 @@ import numpy as np
 from rich.table import Table
 
 from validate.acquire.acquire import Acquired
-from validate.points.measured_errors import FEWEST_TRIALS
 from validate.prediction.own_metrics import own_metrics, own_table
 from validate.runs.console import Console
 from validate.stats.intervals import FEWEST_RESAMPLED, oracle_regret
+from validate.stats.measured_errors import FEWEST_TRIALS
 from validate.sweeps.claims import claim_rows
 from validate.sweeps.correlation import Correlation, headline, own_rows
 from validate.sweeps.optima import kind_words, trend, trends

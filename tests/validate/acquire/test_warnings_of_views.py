@@ -10,7 +10,7 @@ from render.renderer import Certificate, ViewRequest
 from tests.render.test_view_keys import STATE
 from validate.acquire.acquire import Acquired, Acquisition
 from validate.acquire.quality_warnings import SATURATED_SHARE, warn_of_render_noise, warn_of_saturation
-from validate.sweeps.view_names import view_names
+from validate.acquire.view_names import view_names
 
 
 def told(warn, **values: list[float]) -> str:

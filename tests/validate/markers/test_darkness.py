@@ -23,6 +23,7 @@ from tests.helpers import made_up_run as made_up
 from tests.validate.sweeps.test_sweep_run import SCENE, SWEEP
 from validate.acquire.acquire import Acquired, Acquisition
 from validate.acquire.quality_warnings import warn_of_darkness
+from validate.acquire.view_names import view_names
 from validate.commands.check import run as check
 from validate.markers.darkness import light_words
 from validate.pages.data import read_sweeps
@@ -30,7 +31,6 @@ from validate.pages.sentences import remarks
 from validate.prediction.foresight import camera_rows, foresee
 from validate.prediction.warnings import warnings_of
 from validate.sweeps.rows import detection_rows
-from validate.sweeps.view_names import view_names
 
 ROOT = Path(__file__).parents[3]
 # nm, ∫V(λ) dλ as the CIE has it; the table is summed by logarithms between its values.

@@ -36,7 +36,7 @@ from validate.pages.shades import VIRIDIS
 from validate.pages.space import scene_columns
 from validate.pages.steps import sight_of, steps_of_plan
 from validate.pages.style import PURPLE_ORANGE, model_style, object_styles
-from validate.plots.frusta import frustum
+from validate.prediction.frusta import frustum
 from validate.store.folder import StoreError
 from validate.sweeps.rows import write_csv
 

@@ -11,8 +11,8 @@ import pytest
 from pss import NoiseModel, PTZCamera, evaluate
 from pss.noise.factors import IdentityNoise
 from validate.points.error_budget import error_budget, propagated_errors
-from validate.points.measured_errors import FEWEST_TRIALS, MeasuredErrors
 from validate.points.triangulate import triangulate
+from validate.stats.measured_errors import FEWEST_TRIALS, MeasuredErrors
 
 TRIALS = 4000
 # σ of σ̂ over T draws is σ/√(2T), and of a mean over N points less; four of them.

@@ -9,7 +9,7 @@ import scipy.stats
 
 from pss.errors import RangeError, ShapeError
 from pss.riccati.covariances import mean_inverse_sigma
-from validate.points.measured_errors import MeasuredErrors, inverse_sigma_bias, measured_inverse_sigma, measured_pss
+from validate.stats.measured_errors import MeasuredErrors, inverse_sigma_bias, measured_inverse_sigma, measured_pss
 
 # Sums of some twenty terms, in another order.
 SAME_TO_ROUNDING = 1e-12

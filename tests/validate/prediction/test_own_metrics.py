@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from pss.metric.names import OF_THE_PAPER
 from pss.metric.table import Metric, MetricTable
+from pss.metrics import OF_THE_PAPER
 from scenes import load_scene
 from tests.helpers.made_up_run import made_up_run
 from tests.validate.sweeps.test_sweep_run import SCENE, SWEEP

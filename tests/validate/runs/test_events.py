@@ -16,10 +16,10 @@ from tests.validate.store.test_store_views import ZOOMS, NoiseRenderer, wanted  
 from validate import run_sweep
 from validate.acquire.acquire import Acquired, acquire
 from validate.acquire.messages import RunMessages
+from validate.acquire.view_names import view_names
 from validate.runs.events import EVENTS, EventFile
 from validate.runs.exit_codes import EXIT_BROKEN, EXIT_DONE, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_MISTAKE
 from validate.store.folder import Store, StoreError
-from validate.sweeps.view_names import view_names
 
 # ms, between the clock that is written and the one that is read: both are of this machine.
 CLOCK_MS = 60_000

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from validate.points.measured_errors import MeasuredErrors
 from validate.stats.flatness import exchanged_ranges, is_flat, least_difference, spread_of_points
+from validate.stats.measured_errors import MeasuredErrors
 from validate.sweeps.replicates import sweep_replicates
 
 WORLDS, EXCHANGES = 160, 19

@@ -7,7 +7,6 @@ import pytest
 import scipy.stats
 
 from pss.errors import RangeError, ShapeError
-from validate.points.measured_errors import MeasuredErrors
 from validate.stats.intervals import (
     interval,
     interval_with,
@@ -19,6 +18,7 @@ from validate.stats.intervals import (
     tie_groups,
     weighted_spearman,
 )
+from validate.stats.measured_errors import MeasuredErrors
 from validate.sweeps.replicates import _largest_eigenvalue, sweep_replicates
 
 # Sums of some hundred terms, in another order.

@@ -95,7 +95,7 @@ def test_ratios_are_those_of_the_tables(made):
 
 def test_nees_of_a_right_covariance_is_one():
     """The made-up pixels with their own covariance, without bias: the interval holds 1 in most of ten worlds."""
-    from validate.points.measured_errors import MeasuredErrors
+    from validate.stats.measured_errors import MeasuredErrors
     from validate.sweeps.replicates import sweep_replicates
     from validate.sweeps.single_step import _nees_share
 

@@ -13,8 +13,9 @@ from pss.visibility.targets import TARGET_VISIBILITY
 from tests.helpers.made_up_run import made_up_run
 from tests.validate.sweeps.test_sweep_run import SCENE, SWEEP
 from validate.points.configuration import predict
+from validate.prediction.weights import scaled
 from validate.sweeps.correlation import correlation_rows
-from validate.sweeps.scale_of_r import SCALES, scale_rows, scaled
+from validate.sweeps.scale_of_r import SCALES, scale_rows
 
 # Two solutions of one equation in other units, and sums in another order.
 ROUNDING = 1e-9

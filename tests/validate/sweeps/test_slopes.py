@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pss import ShapeError
-from validate.points.measured_errors import MeasuredErrors
+from validate.stats.measured_errors import MeasuredErrors
 from validate.sweeps.slopes import common_points, log_slope, slopes
 
 PARAMETER = np.array([1.0, 1.5, 2.5, 4.0])
