@@ -3,8 +3,8 @@
 Conventions (docs/conventions.md; each has a test in tests/project/test_conventions.py):
 
 - World: right-handed, metres, z up. Camera frame: x right, y down, z forward; roll 0.
-- Pan turns about world z: 0° looks along +y, positive towards +x. Tilt is positive upwards.
-- Zoom is the paper's multiplier: horizontal field of view = widest field of view / zoom, at the focus that is set.
+- Pan turns about world z: 0° points along +y, positive towards +x. Tilt is positive upwards.
+- Zoom is the paper's multiplier: horizontal field of view = widest field of view / zoom, at the current focus.
 - Pixels are OpenCV's: the centre of the top left pixel is (0, 0).
 """
 
@@ -27,11 +27,11 @@ from pss.inputs import number, numbers, place, row
 __all__ = ["PTZCamera", "as_points"]
 
 
-# Straight up or down the pan still says where the image's top points: it is the limit of steeper and steeper tilts.
+# Straight up or down, the pan still defines where the image's top points: the limit of ever steeper tilts.
 MAX_ABS_TILT_DEG = 90.0
-# Beside the vertical by less than this share of the distance, a direction is rounding, and no pan.
+# A direction closer to the vertical than this share of the distance differs from it by rounding only: its pan is 0.
 VERTICAL = 1e-12
-# With more blades an aperture is as good as round.
+# With more blades an aperture is practically round.
 MOST_BLADES = 32
 NUMBERS = (
     *("pan_deg", "tilt_deg", "zoom", "focus_distance_m"),
@@ -40,7 +40,12 @@ NUMBERS = (
 
 
 def as_points(points_m: ArrayLike, name: str = "points_m") -> Floats:
-    """Return `points_m` as a new float array of shape (..., 3), or raise `ShapeError` / `RangeError`."""
+    """Return `points_m` as a new float array of shape (..., 3).
+
+    Raises:
+        ShapeError: the last axis does not have length 3.
+        RangeError: not numbers, or not finite.
+    """
     points = numbers(points_m, name, "(..., 3)")
     if points.ndim < 1 or points.shape[-1] != 3:
         raise ShapeError(f"{name} has shape {points.shape}; allowed is (..., 3)")
@@ -56,11 +61,11 @@ def _require(condition: bool, name: str, value: object, allowed: str) -> None:
 
 @dataclass(frozen=True)
 class PTZCamera:
-    """A camera at a place with its settings of pan, tilt, zoom and focus, behind a thin lens.
+    """A pan-tilt-zoom camera: position, pan, tilt, zoom and focus, with a thin lens.
 
     Attributes:
         position_m: m, the lens centre in the world, (3,).
-        pan_deg: degrees about world z; 0 looks along +y, positive towards +x.
+        pan_deg: degrees about world z; 0 points along +y, positive towards +x.
         tilt_deg: degrees above the horizon, −90 to 90; straight down, the image's top points along the pan.
         zoom: the paper's multiplier, 1 to `max_zoom`; horizontal field of view = `widest_fov_deg` / zoom.
         focus_distance_m: m, depth of the plane in focus along the optical axis (d_k of Eq. 14).
@@ -69,14 +74,14 @@ class PTZCamera:
         pixel_pitch_m: m, side of the square pixel (ps_k of Eq. 14).
         radial_distortion: k₁ and k₂ of OpenCV's radial distortion (slope times 1 + k₁r² + k₂r⁴), no unit; the field of
             view and the focal length are those of the lens without it.
-        psf_sigma_um: µm on the sensor (σ), the blur of the lens in focus by diffraction and aberration, as a Gaussian.
-        aperture_blades: straight blades of the aperture, 3 or more; 0 for a round one. The area is the round one's.
+        psf_sigma_um: µm on the sensor (σ), Gaussian blur of the lens in focus, by diffraction and aberration.
+        aperture_blades: straight blades of the aperture, 3 or more; 0 for a round one. Both have the same area.
         max_zoom: upper limit of `zoom`.
         widest_fov_deg: degrees, horizontal field of view at zoom 1 (the paper: 90).
-        name: how tables and figures call it.
+        name: the camera's name in tables and figures.
 
     Raises:
-        RangeError: a value out of range; the message carries it and what is allowed.
+        RangeError: a value out of range; the message has the value and what is allowed.
         ShapeError: `position_m` or `resolution` of the wrong length.
     """
 
@@ -103,7 +108,7 @@ class PTZCamera:
         distortion = row(self.radial_distortion, 2, "radial_distortion", "2 (k1, k2)")
         object.__setattr__(self, "radial_distortion", distortion)
         _require(all(map(math.isfinite, distortion)), "radial_distortion", distortion, "finite numbers")
-        # A whole number and its float are one setting: they must also be one in a file, and in a hash.
+        # An integer and the equal float are the same setting: they must have the same text in files and the same hash.
         for name in NUMBERS:
             object.__setattr__(self, name, number(getattr(self, name), name))
         _require(all(map(math.isfinite, resolution)), "resolution", resolution, "at least 1 × 1 pixel")
@@ -123,7 +128,7 @@ class PTZCamera:
             self.aperture_blades,
             f"0 for a round aperture, or 3 to {MOST_BLADES}",
         )
-        # 1/f = 1/v + 1/d has a lens for every d > 0, but d <= v would be a magnifying close-up, not a camera.
+        # 1/f = 1/v + 1/d has a solution for every d > 0, but d <= v would be a magnifying close-up, not a camera.
         _require(
             self.image_distance_m < self.focus_distance_m < math.inf,
             "focus_distance_m",
@@ -175,7 +180,7 @@ class PTZCamera:
 
     @property
     def image_distance_m(self) -> float:
-        """Metres from lens to sensor, v. Field of view is defined at the set focus, so v follows from it alone."""
+        """Metres from lens to sensor, v; it follows from the field of view, which is defined at the current focus."""
         return self.focal_px * self.pixel_pitch_m
 
     @property
@@ -213,10 +218,10 @@ class PTZCamera:
     def project(self, points_m: ArrayLike) -> tuple[Floats, Floats]:
         """Pixels (..., 2) and depth in metres (...) of `points_m` (..., 3).
 
-        A point behind the camera gets a negative depth and the pixel of its mirror image: ask `in_frustum`.
+        A point behind the camera has a negative depth and the pixel of its mirror image; see `in_frustum`.
 
         Raises:
-            GeometryError: a point lies in the plane through the lens (depth 0), where no pixel exists.
+            GeometryError: a point is in the plane through the lens (depth 0), where no pixel exists.
         """
         views, shape = self._views(points_m)
         self._refuse_centre(views.depth_m)
@@ -229,11 +234,11 @@ class PTZCamera:
         return np.asarray(views.jacobian[0].reshape(*shape, 2, 3))
 
     def undistorted_px(self, pixels: ArrayLike) -> Floats:
-        """Pixels (..., 2) where a lens without distortion would put what this one puts at `pixels` (..., 2).
+        """Pixels (..., 2) of an undistorted lens for the points that this lens images at `pixels` (..., 2).
 
         Raises:
             ShapeError: `pixels` does not end in 2.
-            RangeError: a pixel so far out that this lens images nothing there.
+            RangeError: a pixel beyond the radius up to which this lens forms an image.
         """
         distorted = numbers(pixels, "pixels", "(..., 2)")
         if distorted.ndim < 1 or distorted.shape[-1] != 2:
@@ -268,14 +273,18 @@ class PTZCamera:
         return np.asarray(views.cos_incidence[0].reshape(points.shape[:-1]))
 
     def _views(self, points_m: ArrayLike) -> tuple[Views, tuple[int, ...]]:
-        """The points, flat, as this camera sees them, and their shape without the last axis."""
+        """Views of the flattened points in this camera, and the points' shape without the last axis."""
         points = as_points(points_m)
         return Views([self], points.reshape(-1, 3)), points.shape[:-1]
 
     # ---- settings --------------------------------------------------------------------------------------------------
 
     def direction_to(self, target_m: Sequence[float] | Floats) -> tuple[float, float]:
-        """Degrees, the pan and tilt of the line of sight to `target_m` (3,); straight up or down has pan 0."""
+        """Degrees, the pan and tilt of the line of sight to `target_m` (3,); straight up or down has pan 0.
+
+        Raises:
+            GeometryError: the target is at the lens centre.
+        """
         x, y, z = as_points(target_m, "target_m") - np.array(self.position_m)
         if math.hypot(x, y, z) == 0:
             raise GeometryError(f"target_m = {tuple(target_m)} is the camera's own position; there is no direction")

@@ -1,4 +1,4 @@
-"""Radial distortion of a lens: OpenCV's k₁ and k₂, which push a point's slope by 1 + k₁r² + k₂r⁴.
+"""Radial distortion of a lens: OpenCV's k₁ and k₂, which multiply a point's slope by 1 + k₁r² + k₂r⁴.
 
 r is the slope x/z, y/z of a point in the camera's frame, so that the focal length is that of the undistorted pinhole.
 """
@@ -15,11 +15,11 @@ from pss.hints import Floats
 __all__ = ["fold_radius", "furthest_radius", "stretch", "undistorted"]
 
 
-# At the fold the radius is a double root, of which Newton's method only halves the error: some 26 steps to rounding.
+# At the fold the radius is a double root, where Newton's method only halves the error: about 26 steps to rounding.
 MOST_STEPS = 60
 # Slopes; 1e-9 px at a focal length of 1,000 px.
 CONVERGED = 1e-12
-# A lens that never folds the image draws no point in to less than 4/9 of its slope: k₁² < 20/9 k₂, or both above 0.
+# Without a fold, distortion reduces a slope to 4/9 of it at the least: k₁² < 20/9 k₂, or both above 0.
 MOST_DRAWN_IN = 9 / 4
 
 
@@ -29,9 +29,9 @@ def stretch(squared_radius: Floats, k1: Floats | float, k2: Floats | float) -> t
 
 
 def fold_radius(k1: float, k2: float) -> float:
-    """Slope at which the distorted radius stops growing with the true one; ∞ where it never does.
+    """Slope at which the distorted radius stops growing with the undistorted one; ∞ without such a slope.
 
-    Beyond it the polynomial folds the image back onto itself: such points are not seen.
+    Beyond it the polynomial folds the image back onto itself: such points are not visible.
     """
     # d/dr (r + k₁r³ + k₂r⁵) = 1 + 3k₁s + 5k₂s² with s = r²: its smallest positive root.
     roots = np.roots([5 * k2, 3 * k1, 1.0]) if k2 != 0 else np.roots([3 * k1, 1.0])
@@ -40,13 +40,13 @@ def fold_radius(k1: float, k2: float) -> float:
 
 
 def furthest_radius(k1: float, k2: float) -> float:
-    """Distorted radius of the fold: the lens images nothing beyond; ∞ where it does not fold the image."""
+    """Distorted radius of the fold, beyond which the lens images nothing; ∞ without a fold."""
     fold = fold_radius(k1, k2)
     return fold * float(stretch(np.array(fold**2), k1, k2)[0]) if math.isfinite(fold) else math.inf
 
 
 def undistorted(slopes: Floats, k1: float, k2: float) -> Floats:
-    """Slopes (..., 2) of the points that the lens puts at the distorted `slopes` (..., 2).
+    """Undistorted slopes (..., 2) of the points at the distorted `slopes` (..., 2), by Newton's method with bisection.
 
     Raises:
         RangeError: a slope beyond the fold, where no point is imaged.
@@ -64,7 +64,7 @@ def undistorted(slopes: Floats, k1: float, k2: float) -> Floats:
         excess, slope = true * factor - radius, factor + 2 * true**2 * derivative
         low, high = np.where(excess < 0, true, low), np.where(excess > 0, true, high)
         step = true - excess / np.where(slope > 0, slope, 1.0)
-        # Where Newton's step leaves the interval, halving it does not.
+        # Where Newton's step would leave the interval, bisect it instead.
         step = np.where((slope > 0) & (step >= low) & (step <= high), step, (low + high) / 2)
         step = np.where(excess == 0, true, step)
         change, true = np.abs(step - true), step

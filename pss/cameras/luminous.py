@@ -1,7 +1,7 @@
-"""Lux: what monochromatic light of so many watts is worth to the eye, and to a light meter.
+"""Illuminance in lux of monochromatic light, from its irradiance.
 
-Source: CIE spectral luminous efficiency for photopic vision V(λ), 1924 (CIE 018:2019, ISO/CIE 23539), 380 to 780 nm by
-10 nm, with its peak at 555 nm; 683 lm/W there by the SI's definition of the candela.
+Source: CIE spectral luminous efficiency for photopic vision V(λ), 1924 (CIE 018:2019, ISO/CIE 23539), 380 to 780 nm in
+steps of 10 nm, with its peak at 555 nm; 683 lm/W there by the SI's definition of the candela.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ _EFFICIENCY = np.array(
 
 
 def luminous_efficiency(wavelength_nm: ArrayLike) -> Floats:
-    """V(λ), no unit, 0 to 1 (any shape): between the table's values by logarithm, 0 beyond 380 to 780 nm."""
+    """V(λ), no unit, 0 to 1 (any shape): log-linear between the table's values, 0 outside 380 to 780 nm."""
     wavelength = np.asarray(wavelength_nm, dtype=np.float64)
     seen = (wavelength >= _WAVELENGTHS_NM[0]) & (wavelength <= _WAVELENGTHS_NM[-1])
     return np.where(seen, np.exp(np.interp(wavelength, _WAVELENGTHS_NM, np.log(_EFFICIENCY))), 0.0)
 
 
 def illuminance_lux(irradiance_w_per_m2: ArrayLike, wavelength_nm: float) -> Floats:
-    """lux (any shape), for an irradiance in W/m² of light of one wavelength in nm.
+    """Illuminance in lux (any shape) of an irradiance in W/m² at one wavelength in nm.
 
-    Light of a band is worth less than that of its middle: with equal power from 400 to 700 nm, 0.355 of that at 550 nm.
+    A band has less than its mean wavelength alone: equal power from 400 to 700 nm has 0.355 of that at 550 nm.
     """
     return LUMENS_PER_WATT * luminous_efficiency(wavelength_nm) * np.asarray(irradiance_w_per_m2, dtype=np.float64)

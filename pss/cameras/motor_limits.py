@@ -14,29 +14,29 @@ from pss.errors import RangeError
 
 __all__ = ["FULL_TURN_DEG", "SLACK_STEPS", "PTZLimits", "number", "refuse"]
 
-# Part of a step within which a value counts as on the step.
+# Fraction of a step within which a value counts as on the step.
 SLACK_STEPS = 1e-6
 FULL_TURN_DEG = 360.0
 
 
 @dataclass(frozen=True)
 class PTZLimits:
-    """What the motors of a camera can do. None, or infinite, is no limit.
+    """Ranges, speeds and steps of a camera's motors. None or infinity means no limit.
 
     Attributes:
-        pan_range_deg: degrees, (lowest, highest) between mechanical stops; may span more than a turn. None: turns
-            without end, and then a turn must be a whole number of steps.
-        tilt_range_deg: degrees, (lowest, highest); the camera's own ±90° hold as well.
-        zoom_range: (lowest, highest) of the paper's multiplier; the camera's own `max_zoom` holds as well.
+        pan_range_deg: degrees, (lowest, highest) between mechanical stops; may exceed a full turn. None: endless, and a
+            full turn must be a whole number of steps.
+        tilt_range_deg: degrees, (lowest, highest), in addition to the camera's ±90°.
+        zoom_range: (lowest, highest) of the paper's multiplier, in addition to the camera's `max_zoom`.
         pan_speed_deg_per_s, tilt_speed_deg_per_s: degrees/s.
-        zoom_factor_per_s: by which the zoom can grow or shrink in a second, above 1.
+        zoom_factor_per_s: largest factor by which the zoom grows or shrinks in a second, above 1.
         focus_speed_dioptre_per_s: dioptres/s.
-        pan_step_deg, tilt_step_deg: degrees, one step of the motor.
-        zoom_step: relative, 0.01 for steps of 1 %.
+        pan_step_deg, tilt_step_deg: degrees, one motor step.
+        zoom_step: relative; 0.01 for steps of 1 %.
         focus_step_dioptre: dioptres; the farthest focus is one step from infinity.
 
     Raises:
-        RangeError: a value out of range; the message carries it and what is allowed.
+        RangeError: a value out of range; the message has the value and what is allowed.
     """
 
     pan_range_deg: tuple[float, float] | None = None
@@ -96,7 +96,7 @@ def _pair(name: str, value: object) -> tuple[float, float]:
 
 
 def _range(name: str, value: object) -> tuple[float, float] | None:
-    """Degrees, (lowest, highest); None where there are no ends."""
+    """Degrees, (lowest, highest); None for an endless range."""
     if value is None:
         return None
     low, high = _pair(name, value)
@@ -110,5 +110,5 @@ def _range(name: str, value: object) -> tuple[float, float] | None:
 
 
 def refuse(name: str, value: object, allowed: str) -> NoReturn:
-    """Raise `RangeError` in one line that carries the value and what is allowed."""
+    """Raise `RangeError` with the value and what is allowed, in one line."""
     raise RangeError(f"{name} = {value!r}; allowed: {allowed}")

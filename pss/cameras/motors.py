@@ -1,8 +1,8 @@
-"""Motors of a pan-tilt-zoom camera: which settings they can hold, and which they reach in a given time (section 4.2).
+"""Motors of a pan-tilt-zoom camera: the settings they can hold, and those they reach in a given time (section 4.2).
 
 Pan and tilt move in degrees; zoom in its logarithm, because its steps and speeds are relative; focus in dioptres (1/m),
-because a lens group moves about in proportion to them. All functions are pure. What they return is a whole number of
-motor steps, or an end of the range, rounded to `DECIMALS`: equal settings are equal to the bit, and may be hashed.
+because the travel of a lens group is roughly proportional to them. All functions are pure. They return whole numbers of
+motor steps, or an end of the range, rounded to `DECIMALS`, so that equal settings are equal to the bit and hash alike.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pss.hints import Floats
 __all__ = ["PTZLimits", "fitting_zoom", "follow", "moved_towards", "quantised"]
 
 
-# Far below any motor's step, far above what rounding does to degrees, zooms and metres.
+# Far below any motor's step, far above the rounding errors of degrees, zooms and metres.
 DECIMALS = 9
 MOTORISED = ("pan_deg", "tilt_deg", "zoom", "focus_distance_m")
 
@@ -27,11 +27,11 @@ MOTORISED = ("pan_deg", "tilt_deg", "zoom", "focus_distance_m")
 def quantised(camera: PTZCamera, limits: PTZLimits) -> PTZCamera:
     """The setting nearest to that of `camera` that the motors can hold.
 
-    Within the ranges it is at most half a step off: in degrees, in log zoom and in dioptres. An endless pan is brought
+    Within the ranges it is off by at most half a step, in degrees, log zoom and dioptres. An endless pan is wrapped
     into [−180°, 180°).
 
     Raises:
-        RangeError: the limits leave the camera no zoom at all.
+        RangeError: the limits allow no zoom of this camera.
     """
     pan, tilt, zoom, focus = _motors(camera, limits)
     near = _within(camera.pan_deg, pan, camera.pan_deg)
@@ -49,8 +49,8 @@ def fitting_zoom(camera: PTZCamera, centre_m: Sequence[float] | Floats, radius_m
     """The zoom at which a sphere just fits the image at the camera's pan and tilt; below 1 if it never does.
 
     The planes through the lens and a column of the image that touch the sphere are at the angles
-    atan(x/z) ± asin(r/√(x² + z²)) to the axis, whatever y is; rows likewise. Exact for a lens without distortion:
-    barrel distortion (k₁ < 0) leaves some room, pincushion cuts some of the sphere off.
+    atan(x/z) ± asin(r/√(x² + z²)) to the axis, for any y; likewise for rows. Exact for a lens without distortion: with
+    barrel distortion (k₁ < 0) some margin remains, with pincushion distortion part of the sphere is cut off.
 
     Args:
         centre_m: m, centre of the sphere, (3,).
@@ -73,14 +73,14 @@ def fitting_zoom(camera: PTZCamera, centre_m: Sequence[float] | Floats, radius_m
 def follow(
     camera: PTZCamera, target_m: Sequence[float] | Floats, radius_m: float, limits: PTZLimits | None = None
 ) -> PTZCamera:
-    """The wanted setting: aimed at a target, zoomed so that a sphere about it just fits the image, focused on it.
+    """The setting that follows a target: aimed at it, focused on it, with a sphere about it just fitting the image.
 
-    A sphere, since the paper's own Fig. 4 speaks of spheres, and its outline needs no more than a centre and a radius:
-    the zoom follows the distance alone and does not jump when the avatar turns or the camera looks down. Of a standing
-    person it holds more than is needed, the more so the steeper the view; a smaller or larger radius is the margin.
+    The paper's Fig. 4 uses spheres too, and the outline of a sphere needs only a centre and a radius: the zoom depends
+    on the distance alone and does not jump when the avatar turns or the camera tilts down. A sphere includes more than
+    a standing person, the more so the steeper the view; choose the radius for the margin.
 
-    The zoom is rounded down to a step, so that the sphere stays whole; the lowest zoom is taken where it does not fit.
-    Speeds are not asked: see `moved_towards`. Of two pans a turn apart the one nearer to the camera's own is taken.
+    The zoom is rounded down to a step, so that the sphere fits; if none fits, it is the lowest zoom. Speeds do not
+    count here, see `moved_towards`. Of two pans a full turn apart, the one nearer to the current pan is used.
 
     Args:
         target_m: m, centre of the sphere, (3,).
@@ -89,7 +89,8 @@ def follow(
 
     Raises:
         GeometryError: the target is at the lens.
-        RangeError: a wrong radius; the limits leave no zoom; a sphere so small that the lens can't focus where it fits.
+        RangeError: a wrong radius; no zoom within the limits; a sphere so small that the lens cannot focus at the zoom
+            where it fits.
     """
     limits = PTZLimits() if limits is None else limits
     pan, tilt, zoom, focus = _motors(camera, limits)
@@ -98,46 +99,47 @@ def follow(
     aimed = dataclasses.replace(camera, pan_deg=pan_deg, tilt_deg=tilt.level(tilt_deg))
     fitting = math.log(fitting_zoom(aimed, target_m, radius_m))
     depth_m = float(aimed.to_camera_frame(target_m)[2])
-    if depth_m <= 0:  # stops keep the camera from turning there
+    if depth_m <= 0:  # the stops prevent the camera from turning there
         depth_m = float(aimed.range_m(target_m))
     return _set(camera, limits, pan_deg, aimed.tilt_deg, zoom.level_below(fitting), focus.level(1 / depth_m))
 
 
-def moved_towards(current: PTZCamera, wanted: PTZCamera, limits: PTZLimits, seconds: float) -> PTZCamera:
-    """The setting that the motors reach from `current` in `seconds` on their way to `wanted`; all move at once.
+def moved_towards(current: PTZCamera, requested: PTZCamera, limits: PTZLimits, seconds: float) -> PTZCamera:
+    """The setting that the motors reach from `current` in `seconds` on their way to `requested`; all move at once.
 
-    An endless pan takes the shorter way round, one with stops never passes them. The motors move by whole steps and are
-    rounded towards `current`: a speed is never exceeded, and falls short by less than a step in each call. `current` is
-    taken to be on its nearest steps.
+    An endless pan takes the shorter way round; one with stops never passes them. The motors move by whole steps,
+    rounded towards `current`: they never exceed a speed, and fall short by less than a step in each call. `current` is
+    rounded to its nearest steps first.
 
     Raises:
-        RangeError: `seconds` is negative or not finite; `wanted` is another camera; `current` lies outside the ranges;
-            a motor is too slow to move by one step in that time, so that it would never move.
+        RangeError: `seconds` is negative or not finite; `requested` is another camera; `current` is outside the ranges;
+            a
+            motor is too slow to move by one step in that time, so that it would never move.
     """
     if not 0 <= number("seconds", seconds) < math.inf:
         refuse("seconds", seconds, "0 or more")
     for field in dataclasses.fields(current):
-        mine, other = getattr(current, field.name), getattr(wanted, field.name)
+        mine, other = getattr(current, field.name), getattr(requested, field.name)
         if field.compare and field.name not in MOTORISED and mine != other:
-            refuse(f"wanted.{field.name}", other, f"{mine!r}, as of the camera that moves")
+            refuse(f"requested.{field.name}", other, f"{mine!r}, as of the camera that moves")
     pan, tilt, zoom, focus = _motors(current, limits)
     pan_now = _within(current.pan_deg, pan, current.pan_deg)
     if abs(_turn(pan_now - current.pan_deg)) > max(SLACK_STEPS * pan.step, 10.0**-DECIMALS):
         refuse("pan_deg", current.pan_deg, f"within the limits' {limits.pan_range_deg}")
-    pan_goal = _within(wanted.pan_deg, pan, pan_now)
+    pan_goal = _within(requested.pan_deg, pan, pan_now)
     return _set(
         current,
         limits,
         pan.moved(pan_now, pan_goal, seconds),
-        tilt.moved(current.tilt_deg, wanted.tilt_deg, seconds),
-        zoom.moved(math.log(current.zoom), math.log(wanted.zoom), seconds),
-        focus.moved(1 / current.focus_distance_m, 1 / wanted.focus_distance_m, seconds),
+        tilt.moved(current.tilt_deg, requested.tilt_deg, seconds),
+        zoom.moved(math.log(current.zoom), math.log(requested.zoom), seconds),
+        focus.moved(1 / current.focus_distance_m, 1 / requested.focus_distance_m, seconds),
     )
 
 
 @dataclass(frozen=True)
 class _Motor:
-    """One motor. Its levels are the multiples of `step` in its range, and the range's ends; all values if step is 0."""
+    """One motor. Its levels are the multiples of `step` in its range, and the range's ends; any value if step is 0."""
 
     name: str
     lowest: float
@@ -154,13 +156,13 @@ class _Motor:
         return min((on_step, self.lowest, self.highest), key=lambda level: abs(level - value))
 
     def level_below(self, value: float) -> float:
-        """The highest level that is not above `value`, but for rounding; the lowest if all are."""
+        """The highest level not above `value`, up to rounding; the lowest level if all are above."""
         if self.step == 0 or value >= self.highest:
             return min(max(value, self.lowest), self.highest)
         return max(math.floor(value / self.step + SLACK_STEPS) * self.step, self.lowest)
 
-    def moved(self, current: float, wanted: float, seconds: float) -> float:
-        """The level reached from `current` on the way to `wanted`."""
+    def moved(self, current: float, requested: float, seconds: float) -> float:
+        """The level reached from `current` on the way to `requested`."""
         slack = max(SLACK_STEPS * self.step, 10.0**-DECIMALS)
         if not self.lowest - slack <= current <= self.highest + slack:
             refuse(self.name, current, f"within the limits' {self.lowest:g} to {self.highest:g}")
@@ -168,7 +170,7 @@ class _Motor:
         if 0 < reach < (1 - SLACK_STEPS) * self.step:
             allowed = f"at least one step of {self.step:g}, or the motor never moves"
             refuse(f"{self.name}: speed · time", float(f"{reach:.4g}"), allowed)
-        start, goal = self.level(current), self.level(wanted)
+        start, goal = self.level(current), self.level(requested)
         if abs(goal - start) <= reach + SLACK_STEPS * self.step:
             return goal
         way = math.copysign(1.0, goal - start)
@@ -212,7 +214,7 @@ def _pace(limits: PTZLimits, axis: str) -> tuple[float, float]:
 def _set(
     camera: PTZCamera, limits: PTZLimits, pan_deg: float, tilt_deg: float, log_zoom: float, dioptre: float
 ) -> PTZCamera:
-    """The camera at these levels, rounded so that the same levels are the same bits."""
+    """The camera at these levels, rounded so that equal levels have equal bits."""
     pan_deg = _rounded(pan_deg)
     if limits.pan_range_deg is None:
         pan_deg = _rounded(_turn(pan_deg))
@@ -233,7 +235,7 @@ def _turn(angle_deg: float) -> float:
 
 
 def _within(pan_deg: float, motor: _Motor, near_deg: float) -> float:
-    """Degrees, the direction of `pan_deg` as the pan nearest to `near_deg` in the range; else the end nearest to it."""
+    """Degrees, `pan_deg` plus the full turns that bring it nearest to `near_deg` in the range; else the nearest end."""
     if math.isinf(motor.lowest):
         return near_deg + _turn(pan_deg - near_deg)
     slack = SLACK_STEPS * max(motor.step, 10.0**-DECIMALS)
@@ -245,6 +247,6 @@ def _within(pan_deg: float, motor: _Motor, near_deg: float) -> float:
 
 
 def _widest_angle(aside: float, ahead: float, radius: float) -> float:
-    """Radians from the axis to the farther of the two tangents at a circle, seen from the lens; π from inside it."""
+    """Radians from the axis to the farther of the two tangents from the lens to a circle; π from inside the circle."""
     distance = math.hypot(aside, ahead)
     return abs(math.atan2(aside, ahead)) + math.asin(radius / distance) if radius < distance else math.pi

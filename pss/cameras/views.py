@@ -1,7 +1,7 @@
-"""What C cameras see of N points: the pinhole, the thin lens and their angles, as arrays over cameras and points.
+"""Views of N points in C cameras: pinhole, thin lens and angles, as arrays over cameras and points.
 
-The project's only projection: `PTZCamera`'s own methods are views of one camera. Everything is computed when it is
-first asked for, over all cameras at once, since a control loop's call is too short for a loop over cameras in Python.
+The project's only projection: the methods of `PTZCamera` use views of one camera. Everything is computed on first use
+and over all cameras at once, since a Python loop over cameras would be too slow for a control loop.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class CameraModel(Protocol):
 
 
 class Cameras:
-    """The parameters of C cameras as arrays, each with a last axis of one for the points: (C, 1), or (C, 3, 3)."""
+    """The parameters of C cameras as arrays with a last axis of length 1 for the points: (C, 1), or (C, 3, 3)."""
 
     def __init__(self, cameras: Sequence[CameraModel]) -> None:
         self.cameras = tuple(cameras)
@@ -101,7 +101,7 @@ class Cameras:
 
     @cached_property
     def turn_symmetric(self) -> Floats:
-        """(C, 6, 6): takes the six entries of a symmetric matrix in the camera's frame to those in the world's."""
+        """(C, 6, 6): maps the six entries of a symmetric matrix from the camera's frame to the world's."""
         R = self.rotation
         both = R[:, FROM_ROW, TO_ROW] * R[:, FROM_COLUMN, TO_COLUMN]
         swapped = R[:, FROM_COLUMN, TO_ROW] * R[:, FROM_ROW, TO_COLUMN]
@@ -109,13 +109,13 @@ class Cameras:
 
 
 class Views:
-    """N points as C cameras see them. Arrays are (C, N) unless stated; behind a camera lie mirror images.
+    """N points as C cameras see them. Arrays are (C, N) unless stated; points behind a camera are mirrored.
 
     Attributes:
         cameras: C cameras, or their `Cameras`.
         points_m: m, (N, 3).
-        normals: unit normals of the surface at the points, (N, 3); None where no factor asks for them.
-        appearance: how the targets at the points look; None where no factor asks for it.
+        normals: unit normals of the surface at the points, (N, 3); None unless a noise factor or a test needs them.
+        appearance: size, brightness and motion of the targets; None unless a noise factor or a test needs it.
     """
 
     def __init__(
@@ -213,7 +213,7 @@ class Views:
             return np.asarray(rows @ arrays.rotation[:, None])
 
     def image_of(self, steps_m: Floats) -> Floats:
-        """px, how far small steps (m, (N, 3)) from the points move in the image, (C, 2, N): H_k times the step."""
+        """px, motion in the image of small steps (m, (N, 3)) of the points, (C, 2, N): H_k times the step."""
         arrays = self.arrays
         local = arrays.rotation @ steps_m.T
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -224,11 +224,11 @@ class Views:
         return np.asarray(moved)
 
     def information(self, weight: tuple[Floats, Floats, Floats], counted: Bools) -> Floats:
-        """1/m², HᵀWH, its six entries xx, xy, xz, yy, yz, zz on the axis before the points: (C, 6, N).
+        """1/m², HᵀWH, its six entries xx, xy, xz, yy, yz, zz on the second axis: (C, 6, N).
 
         Args:
             weight: 1/px², entries uu, uv, vv of W = R⁻¹, each (C, N) or broadcast to it.
-            counted: where it is not zero, (C, N).
+            counted: the pairs that count, (C, N); the others are zero.
         """
         arrays = self.arrays
         uu, uv, vv = weight

@@ -251,7 +251,7 @@ def test_what_cannot_be_moved_is_refused():
         moved_towards(dataclasses.replace(CAMERA, pan_deg=120), CAMERA, limits, 0.1)
     with pytest.raises(RangeError, match="zoom"):
         moved_towards(CAMERA, CAMERA, PTZLimits(zoom_range=(3, None)), 0.1)
-    with pytest.raises(RangeError, match=r"wanted.position_m = \(0.0, 0.0, 1.0\); allowed: \(3.0"):
+    with pytest.raises(RangeError, match=r"requested.position_m = \(0.0, 0.0, 1.0\); allowed: \(3.0"):
         moved_towards(CAMERA, dataclasses.replace(CAMERA, position_m=(0, 0, 1)), limits, 0.1)
     with pytest.raises(RangeError, match="seconds = -1; allowed"):
         moved_towards(CAMERA, CAMERA, limits, -1)
