@@ -24,15 +24,15 @@ from render.lens.sampling import Sampling
 from render.random_streams import random_stream
 from render.renderer import Renderer
 from render.sensor import capture
+from render.store.folder import Store
+from render.store.light import baked
 from scenes import load_scene
-from validate.acquire.acquire import baked
 from validate.markers import localise as localisation
 from validate.markers import marker_image, registration
 from validate.markers.cramer_rao import centre_bound, draw_finely, on_marker, pixel_sums
 from validate.markers.detect import find_markers
 from validate.markers.localise import localise
 from validate.markers.view_measurement import measure_capture
-from validate.store.folder import Store
 
 SIZES_PX = (0, 4, 6, 8, 12, 40)
 # A bound takes about a second; of so many markers one is drawn, with so many samples along a pixel's side.

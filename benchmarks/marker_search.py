@@ -31,12 +31,12 @@ from render import backend
 from render.lens.sampling import Sampling
 from render.renderer import RenderedView, Renderer
 from render.sensor import capture
+from render.store.folder import Store
+from render.store.light import baked
+from render.store.views import certificate_of, load_view, save_view
 from render.world.marker_print import predefined_dictionary
 from scenes import Scene, load_scene
-from validate.acquire.acquire import baked
 from validate.markers.detect import find_markers
-from validate.store.folder import Store
-from validate.store.views import certificate_of, load_view, save_view
 
 ROOT = Path(__file__).resolve().parents[1]
 # A bright laboratory of a machine-vision camera's resolution.

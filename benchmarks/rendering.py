@@ -26,9 +26,9 @@ from pss import ImageSensor, PTZCamera
 from render import backend
 from render.lens.sampling import Sampling
 from render.renderer import Renderer
+from render.store.folder import Store
+from render.store.light import baked
 from scenes import Scene, load_scene
-from validate.acquire.acquire import baked
-from validate.store.folder import Store
 
 ROOT = Path(__file__).resolve().parents[1]
 PARTS = ("ours", "plain", "cycles", "resolution", "bound", "memory")

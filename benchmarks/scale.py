@@ -25,13 +25,13 @@ if __package__ in (None, ""):
 import tyro
 
 from render import backend
+from render.store.folder import Store
+from render.store.light import baked
 from scenes import load_scene, load_sweep
 from scenes.steps.sweep_file import SWEEPS
 from validate.acquire import dask_workers
-from validate.acquire.acquire import baked
 from validate.acquire.job import Job, Made, Place
 from validate.acquire.options import Scale
-from validate.store.folder import Store
 
 ROOT = Path(__file__).resolve().parents[1]
 JOBS = 500

@@ -24,12 +24,12 @@ import numpy as np
 from render import backend
 from render.lens.sampling import Sampling
 from render.renderer import Renderer
+from render.store.folder import Store
+from render.store.light import baked
+from render.store.views import save_view
 from scenes import load_scene
 from scenes.steps.sweep_file import SweepSpec
-from validate.acquire.acquire import baked
 from validate.markers.view_measurement import MeasureTask, measure
-from validate.store.folder import Store
-from validate.store.views import save_view
 
 ROOT = Path(__file__).parents[1]
 # Bytes of ru_maxrss, which Linux counts in KiB.

@@ -28,15 +28,16 @@ from render import backend
 from render.lens.sampling import Sampling
 from render.light.lit_scene import GlowMeshes
 from render.renderer import RenderedView, Renderer
+from render.store.folder import atomic_path
+from render.store.light import baked
+from render.store.remote import open_store
 from render.world.state import Room
 from scenes import load_scene, load_sweep
-from validate.acquire.acquire import acquire, baked
+from validate.acquire.acquire import acquire
 from validate.plots.room3d import COLOUR_MAP, OTHER, VARIED, colour_scale, shared_colours
 from validate.plots.sweep import draw_curves
 from validate.prediction.frusta import frustum
 from validate.runs.progress import ViewProgress
-from validate.store.folder import atomic_path
-from validate.store.remote import open_store
 from validate.sweeps.sweep import SweepResult, assess_sweep, plan
 
 Floats = NDArray[np.float64]

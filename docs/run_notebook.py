@@ -7,7 +7,7 @@ from pathlib import Path
 import nbformat
 from nbclient import NotebookClient
 
-from validate.store.folder import write_text
+from render.store.folder import write_text
 
 NOTEBOOK = Path(__file__).resolve().parent / "notebook.ipynb"
 

@@ -19,7 +19,7 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import Select, WebDriverWait
 
-from validate.store.folder import atomic_path
+from render.store.folder import atomic_path
 
 FIGURES = Path(__file__).resolve().parent / "figures"
 REPORT = Path("results/zoom-focus-selection/report.html")

@@ -20,8 +20,8 @@ def room():
 @pytest.fixture(scope="session")
 def room_store(room, tmp_path_factory):
     """A store that holds the room's light."""
-    from validate.acquire.acquire import baked
-    from validate.store.folder import Store
+    from render.store.folder import Store
+    from render.store.light import baked
 
     # Workers of pytest-xdist have a folder each, beside each other.
     base = tmp_path_factory.getbasetemp()
@@ -43,7 +43,7 @@ def room_renderer(room, room_store, mi):
     """A renderer of the shipped room."""
     from render import backend
     from render.renderer import Renderer
-    from validate.acquire.acquire import baked
+    from render.store.light import baked
 
     return Renderer(room.state, baked(room.state, room_store), backend.choose())
 

@@ -68,7 +68,7 @@ class ViewPlanes:
 
 
 def write_view(path: Path, view: RenderedView, request: ViewRequest) -> None:
-    """Write `view` to `path`. The caller chooses a temporary name and renames (see `validate.store.folder`)."""
+    """Write `view` to `path`. The caller chooses a temporary name and renames (see `render.store.folder`)."""
     height, width = view.radiance.shape
     spec = oiio.ImageSpec(width, height, len(CHANNELS), "float")
     spec.channelnames = CHANNELS

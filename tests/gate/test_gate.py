@@ -13,12 +13,12 @@ from rich.console import Console
 from pss import noise_model
 from render import backend
 from render.keys import state_key
+from render.store.folder import Store
 from tests.gate.gate import Claim, family_level, format_claims, judge, turn_shows
 from tests.gate.gate_bank import gate_bank, measured_points, predicted_points, turned_view
 from validate.acquire.acquire import acquire
 from validate.bank.design import draw_configurations
 from validate.runs.progress import ViewProgress
-from validate.store.folder import Store
 
 pytestmark = pytest.mark.render
 

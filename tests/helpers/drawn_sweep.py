@@ -95,7 +95,7 @@ class DrawingRenderer:
 
 def write_in_halves(patch: Any) -> None:
     """Have files written in two parts, as disks do, with a step between them."""
-    from validate.store import checksums, views
+    from render.store import checksums, views
 
     def write_bytes(path: Path, data: bytes) -> int:
         half = len(data) // 2
@@ -124,13 +124,14 @@ def write_in_halves(patch: Any) -> None:
 
 def stand_in(patch: Any, workers: bool) -> None:
     """Have views drawn, by `patch(object, name, value)`; without `workers`, measured here and not shown in figures."""
+    import render.store.light as lighting
     import validate.acquire.acquire as acquiring
     from validate.plots import sweep as figures
 
-    solve = acquiring.solve_light
+    solve = lighting.solve_light
     patch(acquiring, "Renderer", DrawingRenderer)
-    patch(acquiring, "solve_light", lambda state, mi=None: solve(state))
-    patch(acquiring.backend, "start", lambda chosen: None)
+    patch(lighting, "solve_light", lambda state, mi=None: solve(state))
+    patch(lighting.backend, "start", lambda chosen: None)
     if not workers:
         from tests.validate.store.test_store_views import QueueOfThisProcess
 

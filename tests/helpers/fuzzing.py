@@ -217,7 +217,7 @@ def read_exr(path: Path) -> None:
 
 def read_archive(path: Path) -> None:
     from pss import PSSError
-    from validate.store.folder import Store
+    from render.store.folder import Store
 
     if Store(path.parent).load(path) is None:
         raise PSSError("nothing whole")

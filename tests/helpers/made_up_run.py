@@ -9,12 +9,12 @@ import numpy as np
 
 from render.lens.sampling import Sampling
 from render.renderer import Certificate, RenderedView
+from render.store.folder import Store
+from render.store.views import save_view
 from scenes import load_scene, load_sweep
 from validate.acquire.acquire import Acquired, Acquisition
 from validate.commands.report import of_results, write_report
 from validate.markers.view_measurement import ViewMeasurement
-from validate.store.folder import Store
-from validate.store.views import save_view
 from validate.sweeps import claims, correlation, optima, single_step
 from validate.sweeps import rows as tables
 from validate.sweeps.sweep import SweepResult, assess_sweep, plan

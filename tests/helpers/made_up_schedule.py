@@ -9,6 +9,8 @@ import numpy as np
 
 from pss.cameras.motors import PTZLimits, follow
 from pss.noise import Calibration
+from render.store.folder import Store
+from render.store.views import save_view
 from scenes import load_scene
 from scenes.steps.schedule_file import load_schedule
 from tests.helpers.made_up_run import CERTIFICATE, made_up_view
@@ -24,8 +26,6 @@ from validate.schedule.stage import BOTH, stage_of
 from validate.schedule.steering import Steered
 from validate.schedule.strategy_ranking import ranking_rows, strategy_rows
 from validate.schedule_pages.files import of_schedule, write_schedule_report
-from validate.store.folder import Store
-from validate.store.views import save_view
 from validate.sweeps.correlation import correlation_rows
 from validate.sweeps.rows import detection_rows, view_rows, write_csv
 

@@ -15,12 +15,12 @@ from pss import RangeError
 from pss.json_text import as_json, json_text
 from render.files.exr import read_certificate, write_view
 from render.renderer import Certificate
+from render.store.checksums import sum_path
+from render.store.folder import Store
+from render.store.views import certificate_of, load_view, save_view
 from tests.helpers.views import an_awkward_view
 from tests.project.test_architecture import PACKAGES, modules, relative, tree
 from validate.runs.events import EVENTS, EventFile
-from validate.store.checksums import sum_path
-from validate.store.folder import Store
-from validate.store.views import certificate_of, load_view, save_view
 
 # (file, function that calls json.dumps): why it may.
 ALLOWED = {

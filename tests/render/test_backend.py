@@ -146,8 +146,8 @@ from render.renderer import Renderer
 from scenes.scene import load_scene
 from tests.render.test_backend import MARKER, SAMPLING
 from tests.helpers.views import window
-from validate.acquire.acquire import baked
-from validate.store.folder import Store
+from render.store.light import baked
+from render.store.folder import Store
 
 room = load_scene(sys.argv[1])
 renderer = Renderer(room.state, baked(room.state, Store(Path(sys.argv[2]))), backend.choose("scalar_rgb"))

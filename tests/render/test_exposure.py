@@ -15,9 +15,9 @@ from pss import Appearance, ImageSensor, PTZCamera, RangeError
 from render.lens.sampling import Sampling
 from render.light.exposure import AutoExposure, choose_exposure
 from render.sensor import expected_electrons
+from render.store.folder import Store
 from scenes import load_scene, load_sweep
 from validate.acquire.auto_exposure import with_exposures
-from validate.store.folder import Store
 from validate.sweeps.sweep import plan
 
 FOLDER = Path(scenes.__file__).parent

@@ -17,10 +17,10 @@ from render.files.exr import write_view
 from render.lens.sampling import Sampling
 from render.renderer import Certificate, RenderedView, ViewRequest
 from render.sensor import capture, fixed_pattern
+from render.store.folder import Store
 from render.world.state import Light, MarkerPrint, Room, SceneState
 from tests.render.test_sensor import largest_z
 from validate.markers.view_measurement import MeasureTask, measure
-from validate.store.folder import Store
 
 WIDTH, HEIGHT = 320, 240
 PIXELS = WIDTH * HEIGHT

@@ -14,9 +14,9 @@ from pss import ImageSensor, PTZCamera
 from render.files.exr import write_view
 from render.lens.sampling import Sampling
 from render.renderer import Certificate, RenderedView, ViewRequest
+from render.store.folder import Store
 from render.world.state import Light, MarkerPrint, Room, SceneState
 from tests.helpers.fuzzing import campaign, prepare
-from validate.store.folder import Store
 
 # A few seconds each; the first is what the shipped files were fuzzed with most often, the second is as good.
 SHORT, FULL = 2026, 31

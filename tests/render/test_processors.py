@@ -20,11 +20,11 @@ from render.keys import light_key
 from render.lens.sampling import Sampling
 from render.renderer import Renderer, ViewRequest
 from render.sensor import expected_electrons
+from render.store.folder import Store
+from render.store.light import baked
+from render.store.views import save_view
 from tests.helpers.views import window
-from validate.acquire.acquire import baked
 from validate.markers.view_measurement import MeasureTask, load_measurement, measure
-from validate.store.folder import Store
-from validate.store.views import save_view
 
 HERE = Path(__file__).parents[2]
 # Variables that keep libraries from the instructions that x86_64_v4 has and x86_64_v3 lacks.
@@ -111,7 +111,7 @@ from pathlib import Path
 import numpy as np
 from tests.render.test_processors import as_x86_64_v3, made
 from scenes import load_scene
-from validate.store.folder import Store
+from render.store.folder import Store
 
 as_x86_64_v3()
 np.savez(sys.argv[3], **made(load_scene(sys.argv[1]), Store(Path(sys.argv[2]))))

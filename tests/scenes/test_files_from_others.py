@@ -23,12 +23,12 @@ from pss import GeometryError, PSSError
 from pss.files import DEEPEST_TABLE, MOST_TOML_BYTES, is_inside, read_toml
 from pss.noise.calibrated import Calibration
 from pss.surrogates import Mesh, _mesh_files
+from render.store.folder import Store
 from render.world.backdrop import read_backdrop
 from render.world.state import Light, MarkerPrint, Room, SceneState
 from scenes import SceneError, load_scene, load_sweep
 from scenes.steps.schedule_file import load_schedule
 from validate.run_sweep import main
-from validate.store.folder import Store
 
 FOLDER = Path(pss.files.__file__).parents[1] / "scenes"
 ROOM = (FOLDER / "room.toml").read_text(encoding="utf-8")

@@ -13,10 +13,14 @@ from pathlib import Path
 from typing import TypeVar
 
 from render import backend
-from render.keys import light_code, light_key, state_key
+from render.keys import light_key, state_key
 from render.light import lit_scene
-from render.light.radiosity import solve_light
 from render.renderer import Renderer
+from render.store.atomic import remove_abandoned
+from render.store.folder import Store, StoreError
+from render.store.light import baked
+from render.store.locks import in_turn
+from render.store.views import DamagedViewError, certificate_of, render_seconds_of, save_view
 from render.world.state import SceneState
 from validate.acquire.options import HERE, Scale
 from validate.acquire.queue import WorkerQueue
@@ -24,13 +28,8 @@ from validate.acquire.request import Acquired, Acquisition, LightError, by_state
 from validate.markers.view_measurement import load_measurement, measure
 from validate.runs.interruption import raise_if_interrupted
 from validate.runs.progress import ViewProgress
-from validate.store.atomic import remove_abandoned
-from validate.store.folder import Store, StoreError
-from validate.store.light import load_light, save_light
-from validate.store.locks import in_turn
-from validate.store.views import DamagedViewError, certificate_of, render_seconds_of, save_view
 
-__all__ = ["Acquired", "Acquisition", "LightError", "acquire", "baked", "views_of", "with_whole_views"]
+__all__ = ["Acquired", "Acquisition", "LightError", "acquire", "views_of", "with_whole_views"]
 
 T = TypeVar("T")
 
@@ -243,29 +242,3 @@ def _renderer(
             raise LightError(f"the scene's light cannot be solved: {said(error)}") from error
         renderers[key] = Renderer(state, meshes, chosen)
     return renderers[key]
-
-
-def baked(
-    state: SceneState,
-    store: Store,
-    chosen: backend.Backend | None = None,
-    solved: Callable[[str, float], None] = lambda key, took_s: None,
-) -> lit_scene.GlowMeshes:
-    """The lit scene of a state, from the store or solved now: by `chosen`'s rays where meshes stand in the way.
-
-    Args:
-        solved: hears the state's hash and the seconds, if it had to be solved.
-    """
-    key = light_key(state)
-    meshes = load_light(store, key, state)
-    if meshes is None:
-        if not store.writable:
-            raise StoreError(
-                f"{store.light(key)} is missing, and its folder cannot be written; allowed is one that has it"
-            )
-        begin = time.perf_counter()
-        meshes = lit_scene.bake(state, solve_light(state, backend.start(chosen) if chosen else None))
-        took_s = time.perf_counter() - begin
-        save_light(store, key, meshes, light_code().digest, took_s)
-        solved(state_key(state), took_s)
-    return meshes

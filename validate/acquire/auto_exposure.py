@@ -8,9 +8,9 @@ from render.backend import Backend
 from render.keys import light_key, state_key
 from render.light import lit_scene
 from render.light.exposure import ExposureChoice, choose_exposure
+from render.store.folder import Store
+from render.store.light import baked
 from scenes import Scene, SweepFile
-from validate.acquire.acquire import baked
-from validate.store.folder import Store
 
 __all__ = ["with_exposures"]
 
@@ -32,7 +32,7 @@ def with_exposures(
     Args:
         say: is told each choice, in one line.
         note: is told what takes a while.
-        chosen_backend, solved: as of `validate.acquire.acquire.baked`.
+        chosen_backend, solved: as of `render.store.light.baked`.
     """
     open_scenes: dict[object, list[Loaded]] = {}
     for sweep, scene in loaded:

@@ -13,10 +13,10 @@ from pathlib import Path
 
 from render import backend
 from render.code_digest import code_of
+from render.store.folder import Store, StoreError, write_text
+from render.store.remote import RemoteStore, open_store
 from validate.acquire.dask_workers import ScaleError, Workers
 from validate.runs.versions import versions
-from validate.store.folder import Store, StoreError, write_text
-from validate.store.remote import RemoteStore, open_store
 
 __all__ = ["WorkerReport", "check_workers", "misfit", "report", "store_name"]
 

@@ -15,6 +15,9 @@ from pathlib import Path
 
 from render.backend import Backend
 from render.keys import light_key
+from render.store.atomic import free_bytes
+from render.store.checksums import SUFFIX, FileSum, read_sums
+from render.store.folder import Store
 from scenes import Scene, SweepFile
 from validate.acquire.acquire import Acquisition
 from validate.acquire.auto_exposure import with_exposures
@@ -22,9 +25,6 @@ from validate.acquire.messages import RunMessages
 from validate.acquire.options import HERE, Scale
 from validate.acquire.view_costs import machine_bytes, measure_bytes, measure_seconds, render_bytes, render_seconds
 from validate.runs.progress import EXPECTED_LIGHT_SECONDS, clock
-from validate.store.atomic import free_bytes
-from validate.store.checksums import SUFFIX, FileSum, read_sums
-from validate.store.folder import Store
 
 __all__ = ["Forecast", "announce", "exposures_assumed", "forecast"]
 

@@ -19,13 +19,13 @@ from render import backend
 from render.keys import state_key
 from render.lens.sampling import Sampling
 from render.renderer import Certificate, Renderer, ViewRequest
+from render.store.folder import Store, StoreError
+from render.store.light import baked
+from render.store.remote import open_store
+from render.store.views import DamagedViewError, certificate_of, save_view
 from render.world.state import SceneState
-from validate.acquire.acquire import baked
 from validate.acquire.request import Acquisition, LightError, said
 from validate.markers.view_measurement import load_measurement, measure
-from validate.store.folder import Store, StoreError
-from validate.store.remote import open_store
-from validate.store.views import DamagedViewError, certificate_of, save_view
 
 __all__ = ["Job", "Made", "Measuring", "Place", "cores_here", "work"]
 

@@ -11,8 +11,8 @@ from typing import TypeVar
 
 import cv2
 
+from render.store.atomic import discard_unfinished
 from validate.runs.interruption import interrupts_held
-from validate.store.atomic import discard_unfinished
 
 __all__ = ["WorkerPool", "end_worker"]
 

@@ -9,9 +9,9 @@ from pss import Appearance, PSSError, PTZCamera
 from render.keys import state_key
 from render.lens.sampling import Sampling
 from render.renderer import Certificate, ViewRequest
+from render.store.folder import Store
 from scenes import Scene
 from validate.markers.view_measurement import MeasureTask, ViewMeasurement
-from validate.store.folder import Store
 
 __all__ = ["Acquired", "Acquisition", "LightError", "by_state", "said", "views_of"]
 

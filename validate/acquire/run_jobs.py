@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from render.backend import Backend
 from render.keys import light_key, state_key
+from render.store.folder import Store, StoreError
 from validate.acquire.checks import check_workers, store_name
 from validate.acquire.dask_workers import WorkerGoneError, Workers, workers_of
 from validate.acquire.handout import MOST_DEATHS, Handout
@@ -15,7 +16,6 @@ from validate.acquire.options import Scale
 from validate.acquire.request import Acquired, Acquisition, by_state, said
 from validate.runs.interruption import raise_if_interrupted
 from validate.runs.progress import ViewProgress
-from validate.store.folder import Store, StoreError
 
 __all__ = ["hand_out", "jobs_of", "make_on_workers"]
 

@@ -7,13 +7,13 @@ from pathlib import Path
 
 from pss.noise import Calibration
 from render.backend import Backend
+from render.store.folder import Store, write_text
 from validate.acquire.acquire import Acquired, acquire
 from validate.acquire.messages import RunMessages
 from validate.acquire.options import HERE, Scale
 from validate.acquire.view_names import view_names
 from validate.bank.design import BankDesign, ViewBank
 from validate.bank.judge import calibrated, data_of, detection_of, limits_of, scales_of
-from validate.store.folder import Store, write_text
 
 __all__ = ["acquire_banks", "calibrate", "enough"]
 

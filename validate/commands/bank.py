@@ -17,6 +17,8 @@ from pss.hints import Row
 from pss.json_text import json_text
 from pss.noise import Calibration
 from render import backend
+from render.store.folder import write_text
+from render.store.remote import open_store
 from scenes import Scene, load_scene
 from scenes.steps.sweep_file import SWEEPS
 from validate.acquire.acquire import Acquired
@@ -56,8 +58,6 @@ from validate.runs.csv_rows import read_tables
 from validate.runs.exit_codes import EXIT_DONE, EXIT_FAILED
 from validate.runs.program import program_name
 from validate.runs.progress import clock
-from validate.store.folder import write_text
-from validate.store.remote import open_store
 from validate.sweeps.rows import write_csv
 
 __all__ = ["run"]

@@ -15,6 +15,7 @@ from pss.json_text import json_text
 from pss.visibility.points import visible_in
 from render import backend
 from render.random_streams import random_stream
+from render.store.remote import open_store
 from scenes import Scene, load_scene
 from scenes.steps.sweep_file import SWEEPS
 from validate.acquire.acquire import Acquired
@@ -30,7 +31,6 @@ from validate.plots.calibration_error import draw
 from validate.runs.console import Console
 from validate.runs.exit_codes import EXIT_DONE, EXIT_FAILED
 from validate.runs.program import program_name
-from validate.store.remote import open_store
 from validate.sweeps.rows import write_csv
 
 __all__ = ["main", "run", "without_effect"]

@@ -11,6 +11,7 @@ import tyro
 from rich.table import Table
 
 from pss.hints import Row
+from render.store.folder import StoreError
 from validate.comparison.cells import cells
 from validate.comparison.matching import QUANTITIES, Quantity, matched
 from validate.comparison.sides import Side, settings_rows, sides_of
@@ -18,7 +19,6 @@ from validate.runs.console import Console
 from validate.runs.folder_lock import alone_in
 from validate.runs.program import program_name
 from validate.runs.table_text import table_text
-from validate.store.folder import StoreError
 
 __all__ = ["compared", "main", "run"]
 

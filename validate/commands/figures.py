@@ -14,6 +14,8 @@ from pss import RangeError
 from pss.hints import Row
 from render import backend
 from render.lens.sampling import Sampling
+from render.store.folder import Store, StoreError, write_text
+from render.store.remote import open_store
 from scenes import load_scene, load_sweep
 from scenes.steps.schedule_file import load_schedule
 from validate.acquire.acquire import Acquired, Acquisition, acquire
@@ -24,8 +26,6 @@ from validate.runs.folder_lock import alone_in
 from validate.runs.program import program_name
 from validate.runs.progress import EXPECTED_SECONDS, ViewProgress, clock
 from validate.runs.table_text import table_text
-from validate.store.folder import Store, StoreError, write_text
-from validate.store.remote import open_store
 from validate.sweeps.sweep import assess_sweep, plan
 
 __all__ = ["main", "run"]

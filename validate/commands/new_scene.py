@@ -9,12 +9,12 @@ from typing import Annotated
 import tyro
 
 from pss import RangeError
+from render.store.folder import StoreError, write_text
 from scenes.reading.spec import Spec
 from scenes.schema.reference import described_keys
 from scenes.schema.scene_tables import SceneSpec
 from scenes.steps.sweep_file import SweepSpec
 from validate.runs.program import named_as_called, program_name
-from validate.store.folder import StoreError, write_text
 
 __all__ = ["main", "write_new_scene"]
 

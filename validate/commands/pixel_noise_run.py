@@ -12,6 +12,8 @@ from rich.table import Table
 
 from pss.json_text import json_text
 from render import backend
+from render.store.folder import write_text
+from render.store.remote import open_store
 from validate.pixel_noise.design import make_plan
 from validate.pixel_noise.exponents import PowerLaw
 from validate.pixel_noise.measure import measure_all
@@ -19,8 +21,6 @@ from validate.pixel_noise.rows import JOINT, exponent_rows, joint_law, level_row
 from validate.plots.pixel_noise import draw
 from validate.runs.console import Console
 from validate.runs.progress import ViewProgress, clock
-from validate.store.folder import write_text
-from validate.store.remote import open_store
 from validate.sweeps.rows import write_csv
 
 __all__ = ["make"]

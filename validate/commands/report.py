@@ -18,8 +18,11 @@ from render.code_digest import code_of
 from render.keys import state_key
 from render.lens.sampling import Sampling
 from render.light import lit_scene
+from render.store.folder import Store, StoreError, write_text
+from render.store.light import baked
+from render.store.remote import open_store
 from scenes import load_scene, load_sweep
-from validate.acquire.acquire import Acquisition, baked
+from validate.acquire.acquire import Acquisition
 from validate.acquire.auto_exposure import with_exposures
 from validate.markers.view_measurement import ViewMeasurement
 from validate.pages.data import read_sweeps
@@ -35,8 +38,6 @@ from validate.runs.folder_lock import alone_in
 from validate.runs.input_files import load_measurement_of
 from validate.runs.program import program_name
 from validate.runs.run_file import listed, needed, option, read_run
-from validate.store.folder import Store, StoreError, write_text
-from validate.store.remote import open_store
 from validate.sweeps.sweep import Plan, SweepResult, plan
 
 __all__ = ["REPORT", "SweepForReport", "main", "of_results", "remade", "source_of_report", "write_report"]

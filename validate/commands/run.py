@@ -13,6 +13,8 @@ from pss import RangeError
 from pss.json_text import json_text
 from render import backend
 from render.lens.sampling import Sampling
+from render.store.folder import Store, StoreError, write_text
+from render.store.remote import is_address, open_store
 from scenes import Scene, SweepFile, known_sweeps
 from validate.acquire.acquire import Acquired, Acquisition, acquire, with_whole_views
 from validate.acquire.auto_exposure import with_exposures
@@ -31,8 +33,6 @@ from validate.runs.progress import clock
 from validate.runs.run_file import read_run
 from validate.runs.versions import versions
 from validate.stats.measured_errors import FEWEST_TRIALS
-from validate.store.folder import Store, StoreError, write_text
-from validate.store.remote import is_address, open_store
 from validate.sweeps import claims, correlation, optima, rows, scale_of_r, single_step, slopes, summary
 from validate.sweeps.step_names import names_in_steps
 from validate.sweeps.sweep import Plan, SweepResult, assess_sweep, plan

@@ -15,6 +15,8 @@ from pss.hints import Row
 from pss.json_text import json_text
 from pss.noise import Calibration
 from render import backend
+from render.store.folder import Store, atomic_path, write_text
+from render.store.remote import open_store
 from scenes import load_scene
 from scenes.steps.schedule_file import load_schedule
 from validate.acquire.acquire import Acquired, acquire, with_whole_views
@@ -43,8 +45,6 @@ from validate.schedule.stage import BOTH, stage_of
 from validate.schedule.strategy_ranking import ranking_rows, strategy_rows
 from validate.schedule.training import calibrate_hallway, training_views
 from validate.schedule_pages.files import of_schedule, write_schedule_report
-from validate.store.folder import Store, atomic_path, write_text
-from validate.store.remote import open_store
 from validate.sweeps.correlation import correlation_rows
 from validate.sweeps.rows import detection_rows, timing_rows, view_rows, write_csv
 from validate.tracked_walk.files import write_real_walk

@@ -14,6 +14,9 @@ from typing import Annotated
 import tyro
 
 from render.keys import light_code, view_code
+from render.store.checksums import read_sums
+from render.store.folder import DAMAGED, Store, StoreError
+from render.store.remote import open_store
 from validate.commands.store_upkeep import (
     Stored,
     bytes_of,
@@ -28,9 +31,6 @@ from validate.commands.store_upkeep import (
 from validate.markers.view_measurement import measure_code
 from validate.pixel_noise.measure import pixel_noise_code
 from validate.runs.program import program_name
-from validate.store.checksums import read_sums
-from validate.store.folder import DAMAGED, Store, StoreError
-from validate.store.remote import open_store
 
 __all__ = ["main"]
 

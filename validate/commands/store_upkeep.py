@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pss import RangeError
+from render.store.checksums import SUFFIX, read_sums, sum_path
+from render.store.folder import DAMAGED, Store, StoreError
+from render.store.views import adopt_view
 from validate.commands.store_codes import codes_here
-from validate.store.checksums import SUFFIX, read_sums, sum_path
-from validate.store.folder import DAMAGED, Store, StoreError
-from validate.store.views import adopt_view
 
 __all__ = [
     "Stored",

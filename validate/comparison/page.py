@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from render.store.folder import write_text
 from validate.comparison.axes import side_style
 from validate.comparison.curves import curves_figure, moved_figure, pair_choice
 from validate.comparison.dots import Dots, dots_figure
@@ -24,7 +25,6 @@ from validate.comparison.series import Group, groups_of, same_measurement
 from validate.comparison.sides import Side
 from validate.pages.figure import Figure
 from validate.pages.html import rendered
-from validate.store.folder import write_text
 
 __all__ = ["PAGE", "html_of", "names_of", "write_page"]
 

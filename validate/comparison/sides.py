@@ -10,10 +10,10 @@ from typing import Any
 
 from pss.hints import CsvRow
 from pss.json_text import json_text
+from render.store.folder import StoreError
 from scenes.errors import nearest
 from validate.runs.csv_file import read_csv, read_head
 from validate.runs.run_file import read_run
-from validate.store.folder import StoreError
 
 __all__ = ["Side", "settings_rows", "sides_of"]
 

@@ -8,12 +8,12 @@ from typing import Annotated
 
 import tyro
 
+from render.store.folder import write_text
 from validate.findings.figures import drawings_of, write_pdf, write_svg
 from validate.findings.page import findings_page
 from validate.findings.places import places_of_reference
 from validate.findings.readme import write_pages
 from validate.runs.exit_codes import EXIT_DONE, EXIT_MISTAKE
-from validate.store.folder import write_text
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from pss.hints import CsvRow
+from render.store.folder import atomic_path
 from validate.findings.contenders import Contender, contenders_in
 from validate.findings.detection_figure import detection_curves, detection_figure
 from validate.findings.forest import Axis, Mark, Panel, forest, mark_of, style
@@ -21,7 +22,6 @@ from validate.findings.sigma_figure import SIGMA_AXIS, sigma_rows
 from validate.findings.size_figure import size_curves, size_figure
 from validate.plots.drawing import plt
 from validate.runs.csv_rows import all_of, bounds, first_of
-from validate.store.folder import atomic_path
 
 __all__ = ["Drawing", "digest_in", "drawings_of", "write_pdf", "write_svg"]
 

@@ -11,11 +11,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 from pss.errors import RangeError
+from render.store.folder import write_text
 from validate.findings.blocks_of_banks import BANK_BLOCKS
 from validate.findings.blocks_of_docs import DOCS_BLOCKS
 from validate.findings.blocks_of_hallway import HALLWAY_BLOCKS
 from validate.findings.blocks_of_sweeps import SWEEP_BLOCKS
-from validate.store.folder import write_text
 
 __all__ = ["BLOCKS", "numbered_pages", "readme_text", "write_pages"]
 

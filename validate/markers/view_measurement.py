@@ -22,12 +22,12 @@ from render.code_digest import Code, code_of
 from render.keys import content_of
 from render.random_streams import random_stream
 from render.sensor import capture, fixed_pattern
+from render.store.arrays import check_arrays
+from render.store.folder import Store
+from render.store.views import stored_view
 from render.world.marker_print import predefined_dictionary
 from validate.markers.detect import find_markers
 from validate.markers.localise import localise
-from validate.store.arrays import check_arrays
-from validate.store.folder import Store
-from validate.store.views import stored_view
 
 __all__ = [
     "APART",
@@ -43,9 +43,9 @@ __all__ = [
 APART = {
     "render.backend": "chooses the renderer, which the view's name holds",
     "render.code_digest": "makes names; what it finds is the name",
-    "validate.store.arrays": "checks that what is read is a measurement",
-    "validate.store.folder": "keeps what is measured, and checks that it is what was written",
-    "validate.store.views": "reads views, whose code their own names hold",
+    "render.store.arrays": "checks that what is read is a measurement",
+    "render.store.folder": "keeps what is measured, and checks that it is what was written",
+    "render.store.views": "reads views, whose code their own names hold",
     "pss.surrogates._mesh_files": "reads a mesh from its file, and the view's name holds the mesh itself",
 }
 """Modules that the code of a measurement does not count, with the reason."""

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from pss.hints import CsvRow, Floats
+from render.store.folder import StoreError
 from validate.runs.csv_file import number_in
-from validate.store.folder import StoreError
 
 __all__ = ["Columns", "check_counts", "is_number", "whole_number"]
 

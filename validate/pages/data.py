@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from pss.hints import CsvRow, Floats
+from render.store.folder import StoreError
 from validate.pages.columns import Columns, check_counts, is_number, whole_number
 from validate.prediction.own_metrics import OWN_COLUMN
 from validate.runs.csv_file import number_in, read_csv
 from validate.runs.csv_rows import all_of
 from validate.stats.optimum import FLAT, NO_OPTIMUM, optimum
-from validate.store.folder import StoreError
 
 __all__ = ["KINDS", "MM", "Curve", "Kind", "SweepTable", "needed_tables", "read_sweeps", "table_of"]
 

@@ -14,6 +14,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from render.store.folder import atomic_path
 from render.world.geometry import plate_corners
 from validate.pages.bodies import object_meshes
 from validate.pages.data import KINDS
@@ -22,7 +23,6 @@ from validate.pages.shades import plate_colours
 from validate.pages.space import PLATE_MODULES
 from validate.prediction.frusta import frustum, room_corners
 from validate.runs.file_names import model_file
-from validate.store.folder import atomic_path
 
 __all__ = ["glb_of", "linear", "model_of", "write_models"]
 

@@ -21,13 +21,13 @@ from pss import PTZCamera
 from pss.hints import Pixels
 from render.files.exr import ViewPlanes
 from render.sensor import expected_electrons
+from render.store.folder import Store
+from render.store.views import stored_planes
 from render.world.state import Marker, SceneState
 from validate.pages.causes import causes
 from validate.pages.figure import plain
 from validate.pages.space import PLATE_MODULES
 from validate.pages.steps import Step
-from validate.store.folder import Store
-from validate.store.views import stored_planes
 
 __all__ = ["BUDGET_BYTES", "LAYERS", "MOST_BLUR_PX", "Crop", "Pictures", "chosen_crops", "overlay", "pictures_of"]
 

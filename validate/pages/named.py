@@ -11,8 +11,8 @@ from pathlib import Path
 
 import scenes
 from pss.files import is_inside
-from validate.store.folder import StoreError
-from validate.store.remote import is_address
+from render.store.folder import StoreError
+from render.store.remote import is_address
 
 __all__ = ["DEFAULT_STORE", "Given"]
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from render.store.folder import Store, StoreError
+from render.store.views import certificate_of
 from validate.acquire.acquire import Acquisition
 from validate.acquire.view_names import view_name
 from validate.markers.view_measurement import ViewMeasurement, load_measurement
-from validate.store.folder import Store, StoreError
-from validate.store.views import certificate_of
 
 __all__ = ["REPORT", "stored_measurements"]
 

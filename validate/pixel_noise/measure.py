@@ -21,14 +21,14 @@ from render.keys import content_of, view_code
 from render.random_streams import random_stream
 from render.renderer import Renderer
 from render.sensor import FixedPattern, capture, expected_electrons, fixed_pattern
+from render.store.arrays import Arrays, check_arrays
+from render.store.folder import Store
 from validate.acquire.queue import WorkerQueue
 from validate.markers.view_measurement import APART as MEASURE_APART
 from validate.markers.view_measurement import measure_capture
 from validate.pixel_noise.design import Plan, Shot
 from validate.pixel_noise.laboratory import DICTIONARY, Setup
 from validate.runs.progress import ViewProgress
-from validate.store.arrays import Arrays, check_arrays
-from validate.store.folder import Store
 
 __all__ = ["APART", "Measured", "measure_all", "pixel_noise_code"]
 

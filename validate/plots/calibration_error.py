@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import NullFormatter
 
+from render.store.folder import atomic_path
 from validate.bank.calibration_study import EACH_FRAME, FROZEN, IN_WEIGHTS, OVER, OWN, WITHIN
 from validate.plots.drawing import plt
-from validate.store.folder import atomic_path
 
 __all__ = ["draw"]
 

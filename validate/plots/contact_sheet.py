@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from render.renderer import RenderedView
+from render.store.folder import Store, atomic_path
+from render.store.views import stored_view
 from validate.acquire.acquire import Acquisition
 from validate.markers.detect import find_markers
 from validate.plots.glyphs import glyph_runs
-from validate.store.folder import Store, atomic_path
-from validate.store.views import stored_view
 from validate.sweeps.sweep import SweepResult
 
 __all__ = ["contact_sheet", "displayed"]

@@ -15,9 +15,9 @@ from pss import RangeError
 from pss.errors import MissingLibraryError
 from pss.hints import Pixels
 from pss.processes.process import require_positive
+from render.store.folder import atomic_path
 from render.world.state import Room
 from validate.plots.film_frame import PICTURE_PX, FilmFrame, draw_frame
-from validate.store.folder import atomic_path
 
 __all__ = ["FILM_ENDINGS", "FilmFrame", "draw_frame", "write_film"]
 

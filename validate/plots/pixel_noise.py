@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullFormatter, NullLocator, ScalarFormatter
 
 from pss.hints import Floats
+from render.store.folder import atomic_path
 from validate.pixel_noise.design import COMBINATIONS
 from validate.plots.drawing import plt
-from validate.store.folder import atomic_path
 
 __all__ = ["draw", "noise_figure"]
 

@@ -18,6 +18,7 @@ from scipy.spatial import ConvexHull
 from pss import Box, PTZCamera, Rectangle, Sphere
 from pss.hints import Floats
 from pss.surrogates import Mesh
+from render.store.folder import atomic_path
 from render.world.geometry import plate_corners
 from render.world.state import SceneObject
 from scenes.schema.dictionaries import DICTIONARIES
@@ -27,7 +28,6 @@ from validate.plots.glyphs import settle_words
 from validate.plots.names_beside import Name, grouped, names_beside, width_of
 from validate.plots.room3d import COLOUR_MAP, colour_scale
 from validate.prediction.foresight import ENOUGH, Foreseen, headline
-from validate.store.folder import atomic_path
 
 __all__ = ["plan_figure", "write_plan"]
 

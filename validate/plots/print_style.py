@@ -11,9 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure, SubFigure
 
+from render.store.folder import atomic_path
 from validate.plots.glyphs import settle_words
 from validate.plots.room3d import colour_scale
-from validate.store.folder import atomic_path
 
 __all__ = ["WIDTH_IN", "for_print", "print_colour_scale", "print_style", "save"]
 

@@ -16,6 +16,7 @@ from matplotlib.ticker import NullFormatter
 from pss.hints import Floats
 from pss.json_text import json_text
 from render.code_digest import code_of
+from render.store.folder import Store, atomic_path
 from validate.plots.contact_sheet import contact_sheet
 from validate.plots.drawing import plt
 from validate.plots.glyphs import settle_words
@@ -29,7 +30,6 @@ from validate.runs.table_text import written
 from validate.stats.intervals import interval
 from validate.stats.optimum import optimum
 from validate.stats.stars import STEP, star_heights
-from validate.store.folder import Store, atomic_path
 from validate.sweeps.optima import Trend, trend
 from validate.sweeps.single_step import is_measurement
 from validate.sweeps.slopes import Slopes, slopes_of
@@ -62,8 +62,8 @@ APART = (
     "validate.acquire.acquire",
     "validate.acquire.request",
     "validate.markers.view_measurement",
-    "validate.store.folder",
-    "validate.store.views",
+    "render.store.folder",
+    "render.store.views",
     "validate.sweeps.sweep",
 )
 # Tables that no figure shows and that differ from run to run.

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from pss import RangeError
 from pss.noise import Calibration
-from validate.store.folder import write_text
+from render.store.folder import write_text
 
 __all__ = ["FrozenCalibration", "leave", "provenance_of", "read_frozen", "sha256_of"]
 

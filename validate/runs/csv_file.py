@@ -17,7 +17,7 @@ from typing import Any
 
 from pss import RangeError
 from pss.files import open_plain
-from validate.store.atomic import StoreError
+from render.store.atomic import StoreError
 
 __all__ = ["Row", "csv_text", "number_in", "read_csv", "read_head"]
 

@@ -12,7 +12,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from validate.store.atomic import StoreError
+from render.store.atomic import StoreError
 
 try:
     import fcntl

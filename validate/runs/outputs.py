@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from validate.store.atomic import StoreError
+from render.store.atomic import StoreError
 
 __all__ = ["check_outputs"]
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from pss import RangeError
 from pss.files import read_bounded
-from validate.store.folder import StoreError
+from render.store.folder import StoreError
 
 __all__ = ["RUN_FILE", "listed", "needed", "option", "read_run"]
 

@@ -12,9 +12,12 @@ from pss.json_text import as_json
 from pss.noise import Calibration
 from render import backend
 from render.light import lit_scene
+from render.store.folder import Store, StoreError, write_text
+from render.store.light import baked
+from render.store.remote import open_store
 from scenes import load_scene
 from scenes.steps.schedule_file import load_schedule
-from validate.acquire.acquire import Acquisition, baked
+from validate.acquire.acquire import Acquisition
 from validate.bank.judge import scene_contenders
 from validate.markers.view_measurement import ViewMeasurement
 from validate.pages.gltf import write_models
@@ -30,8 +33,6 @@ from validate.schedule.stage import BOTH, stage_of
 from validate.schedule_pages.page import html_of_schedule, schedule_section
 from validate.schedule_pages.steps import Different, different, steps_of_design
 from validate.schedule_pages.tables import read_schedule
-from validate.store.folder import Store, StoreError, write_text
-from validate.store.remote import open_store
 
 __all__ = ["ScheduleForReport", "of_schedule", "remade_schedule", "write_schedule_report"]
 

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from pss.hints import CsvRow, Floats
+from render.store.folder import StoreError
 from validate.pages.data import Kind, SweepTable, needed_tables, table_of
 from validate.runs.csv_file import number_in
 from validate.runs.csv_rows import all_of
 from validate.schedule.stage import BOTH
-from validate.store.folder import StoreError
 
 __all__ = ["KIND_NAMES", "ScheduleTable", "number", "read_schedule"]
 

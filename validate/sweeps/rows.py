@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pss import Evaluation
 from pss.hints import Floats, Row
 from render.renderer import Certificate
+from render.store.folder import write_text
 from scenes import Configuration
 from validate.acquire.acquire import Acquired, Acquisition
 from validate.markers.darkness import markers_too_dark
@@ -20,7 +21,6 @@ from validate.points.configuration import Assessment, Measured
 from validate.points.error_budget import error_budget
 from validate.runs.csv_file import csv_text
 from validate.stats.intervals import interval
-from validate.store.folder import write_text
 from validate.sweeps.sweep import SweepResult
 
 __all__ = [

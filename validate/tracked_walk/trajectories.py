@@ -18,10 +18,10 @@ from scipy.spatial.transform import Rotation
 from pss import RangeError, ShapeError
 from pss.cameras.camera import as_points
 from pss.hints import Floats
+from render.store.folder import write_text
 from render.world.state import Marker
 from scenes.markers.suit import ids_on
 from scenes.people.avatar import Stance, avatar_frames
-from validate.store.folder import write_text
 
 __all__ = ["Poses", "body_poses", "torso_pose", "torso_reference_m", "write_tum", "write_walk"]
 

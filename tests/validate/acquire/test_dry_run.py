@@ -12,6 +12,9 @@ from rich.console import Console
 
 from render import backend
 from render.lens.sampling import Sampling
+from render.store.checksums import sum_path
+from render.store.folder import Store
+from render.store.views import save_view
 from tests.validate.store.test_store_views import REQUEST, VIEW, ZOOMS, no_progress, wanted  # noqa: F401 (a fixture)
 from tests.validate.sweeps.test_sweep_run import ALONE, SCENE
 from validate.acquire import forecast as dry_run
@@ -22,9 +25,6 @@ from validate.acquire.options import HERE, Scale
 from validate.acquire.view_costs import USUAL_RATIO, measure_seconds, render_seconds
 from validate.run_sweep import main
 from validate.runs.progress import EXPECTED_LIGHT_SECONDS, EXPECTED_MEASURE_SECONDS, EXPECTED_SECONDS
-from validate.store.checksums import sum_path
-from validate.store.folder import Store
-from validate.store.views import save_view
 
 WORKERS = 2
 # Between bytes or seconds that were foreseen at documented rates and those of a run: the closet's views are a sixteenth

@@ -25,11 +25,13 @@ from render import backend
 from render.keys import light_key, state_key
 from render.lens.sampling import Sampling
 from render.renderer import Certificate
+from render.store.folder import Store, StoreError
+from render.store.light import baked
 from scenes import load_scene
 from tests.validate.store.test_store_views import MARKER, REQUEST
 from tests.validate.sweeps.test_sweep_run import ALONE, DETERMINED, SCENE, SELECTION, SWEEP, command, run
 from validate.acquire import options
-from validate.acquire.acquire import acquire, baked
+from validate.acquire.acquire import acquire
 from validate.acquire.checks import WorkerReport, misfit, report
 from validate.acquire.dask_workers import WorkerGoneError, workers_of
 from validate.acquire.handout import MOST_DEATHS
@@ -39,7 +41,6 @@ from validate.acquire.request import Acquired, Acquisition, views_of
 from validate.acquire.run_jobs import hand_out
 from validate.run_sweep import main
 from validate.runs.progress import ViewProgress
-from validate.store.folder import Store, StoreError
 
 PLACE = Place("store", "llvm_ad_mono", REQUEST.renderer, 1)
 CERTIFICATE = Certificate(0.1, 0.1, 0.1, 0.1, 0.1, 1, 0.0)

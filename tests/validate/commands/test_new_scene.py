@@ -7,11 +7,11 @@ import re
 import pytest
 
 from pss import RangeError
+from render.store.folder import StoreError
 from scenes import load_scene, load_sweep
 from scenes.schema.scene_tables import SceneSpec
 from scenes.steps.sweep_file import SweepSpec
 from validate.commands.new_scene import main, write_new_scene
-from validate.store.folder import StoreError
 
 
 @pytest.fixture(scope="module")

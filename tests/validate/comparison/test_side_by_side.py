@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from render.store.folder import StoreError
 from validate.commands.compare import compared, main, summarised
 from validate.comparison.matching import QUANTITIES, Quantity, matched_rows, separate
 from validate.comparison.sides import settings_rows, sides_of
 from validate.run_sweep import main as program
-from validate.store.folder import StoreError
 from validate.sweeps.rows import write_csv
 
 REFERENCE = Path(__file__).parents[3] / "results" / "reference"

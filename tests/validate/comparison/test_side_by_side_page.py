@@ -15,6 +15,7 @@ import plotly.graph_objects as go
 import plotly.offline
 import pytest
 
+from render.store.folder import StoreError
 from tests.validate.pages.test_report import Page
 from validate.commands.compare import main
 from validate.comparison import page
@@ -32,7 +33,6 @@ from validate.comparison.sentences import (
 from validate.comparison.series import OWN, groups_of
 from validate.comparison.sides import sides_of
 from validate.pages.figure import combinations, filled
-from validate.store.folder import StoreError
 from validate.sweeps.rows import write_csv
 
 REFERENCE = Path(__file__).parents[3] / "results" / "reference"

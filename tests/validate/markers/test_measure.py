@@ -8,8 +8,8 @@ import time
 
 import pytest
 
+from render.store.folder import atomic_path
 from validate.acquire.pool import WorkerPool
-from validate.store.folder import atomic_path
 
 
 def _write_slowly(path):

@@ -19,6 +19,7 @@ import pytest
 import trimesh
 
 from pss import PTZCamera
+from render.store.folder import StoreError
 from render.world.state import Room
 from tests.helpers.made_up_run import made_up_run
 from tests.validate.sweeps.test_sweep_run import SCENE, SELECTION
@@ -37,7 +38,6 @@ from validate.pages.space import scene_columns
 from validate.pages.steps import sight_of, steps_of_plan
 from validate.pages.style import PURPLE_ORANGE, model_style, object_styles
 from validate.prediction.frusta import frustum
-from validate.store.folder import StoreError
 from validate.sweeps.rows import write_csv
 
 # Numbers of a table have seven digits.

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 
 import pss.files
+from render.store.folder import StoreError
 from scenes import load_sweep
 from tests.validate.sweeps.test_sweep_run import SCENE, SWEEP
 from validate.commands.report import main, remade
 from validate.pages.named import DEFAULT_STORE, Given
-from validate.store.folder import StoreError
 
 ADDRESS = "s3://somebody/collects/who-opens-this"
 

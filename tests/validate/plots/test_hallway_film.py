@@ -13,11 +13,11 @@ from matplotlib.colors import to_rgb
 from PIL import Image
 
 from pss import PTZCamera, RangeError, ShapeError
+from render.store.folder import StoreError
 from render.world.state import Room
 from validate.plots.film import FILM_ENDINGS, write_film
 from validate.plots.film_frame import PICTURE_PX, FilmFrame, draw_frame
 from validate.plots.sweep import MODEL_COLOURS
-from validate.store.folder import StoreError
 
 ROOM = Room(6.0, 10.0, 3.0, 0.6, 0.3, 0.75)
 WIDTH, HEIGHT = 640, 480

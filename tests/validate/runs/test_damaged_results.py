@@ -11,6 +11,7 @@ import pytest
 from pss import RangeError
 from pss.files import open_plain, read_toml
 from pss.surrogates import Mesh
+from render.store.folder import StoreError
 from tests.project.test_json_text import strict
 from validate.commands.run import _of_last_run
 from validate.pages.columns import Columns, check_counts, whole_number
@@ -18,7 +19,6 @@ from validate.run_sweep import main
 from validate.runs.csv_file import number_in, read_csv, read_head
 from validate.runs.events import EVENTS, EventFile
 from validate.runs.run_file import listed, needed, option, read_run
-from validate.store.folder import StoreError
 
 # ---- tables ----------------------------------------------------------------------------------------------------------
 

@@ -12,6 +12,7 @@ import pytest
 import validate.acquire.acquire as acquiring
 import validate.commands.run
 from pss import RangeError
+from render.store.folder import Store, StoreError
 from tests.validate.store.test_store_views import ZOOMS, NoiseRenderer, wanted  # noqa: F401 (a fixture)
 from validate import run_sweep
 from validate.acquire.acquire import Acquired, acquire
@@ -19,7 +20,6 @@ from validate.acquire.messages import RunMessages
 from validate.acquire.view_names import view_names
 from validate.runs.events import EVENTS, EventFile
 from validate.runs.exit_codes import EXIT_BROKEN, EXIT_DONE, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_MISTAKE
-from validate.store.folder import Store, StoreError
 
 # ms, between the clock that is written and the one that is read: both are of this machine.
 CLOCK_MS = 60_000

@@ -8,12 +8,12 @@ from multiprocessing import get_context
 
 import pytest
 
+from render.store.folder import StoreError
 from tests.validate.comparison.test_side_by_side import a_run
 from validate.acquire.messages import RunMessages
 from validate.run_sweep import main
 from validate.runs import folder_lock
 from validate.runs.folder_lock import IN_USE, alone_in
-from validate.store.folder import StoreError
 
 
 def _hold(folder, held, go_on):

@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 
 import validate.commands.run
+from render.store.folder import Store, StoreError, write_text
 from validate.acquire.messages import RunMessages
 from validate.commands.run import Options, check_folders, execute, linked_views
 from validate.run_sweep import main
 from validate.runs.outputs import FOLDERS, check_outputs
-from validate.store.folder import Store, StoreError, write_text
 
 # All that `run_sweep.py zoom` writes into its folder.
 FILES = [

@@ -7,12 +7,12 @@ import math
 
 import numpy as np
 
+from render.store.folder import Store
+from render.store.views import render_seconds_of, save_view
 from tests.helpers.views import an_awkward_view
 from validate.acquire.acquire import _certified
 from validate.acquire.request import Acquired, Acquisition
 from validate.markers.view_measurement import ViewMeasurement
-from validate.store.folder import Store
-from validate.store.views import render_seconds_of, save_view
 from validate.sweeps.rows import timing_rows
 
 MEASURED = ViewMeasurement(np.zeros((2, 0, 2)), np.zeros((2, 0, 2, 2)), 0, 0.75)

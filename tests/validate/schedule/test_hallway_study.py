@@ -22,6 +22,7 @@ from pss.riccati.solve import steady_state_covariance_from_information
 from pss.visibility.points import visible_in
 from pss.visibility.targets import TARGET_VISIBILITY
 from render.keys import state_key
+from render.store.folder import StoreError
 from scenes import SceneError, load_scene
 from scenes.steps.schedule_file import SURROGATES, load_schedule
 from validate.acquire.acquire import Acquired
@@ -41,7 +42,6 @@ from validate.schedule.runs import steered_runs
 from validate.schedule.stage import BOTH, stage_of
 from validate.schedule.strategy_ranking import ranking_rows, strategy_rows, yardsticks
 from validate.schedule.training import calibrate_hallway, training_views
-from validate.store.folder import StoreError
 
 TRIALS = 12
 # A typical error of a marker of a single frame.

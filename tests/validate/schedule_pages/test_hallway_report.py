@@ -12,6 +12,7 @@ import plotly.graph_objects as go
 import plotly.offline
 import pytest
 
+from render.store.folder import StoreError
 from scenes import load_scene
 from scenes.steps.schedule_file import load_schedule
 from tests.helpers.layout_of_words import assert_words_are_legible
@@ -29,7 +30,6 @@ from validate.schedule_pages.page import schedule_section
 from validate.schedule_pages.sentences import claims_in_brief
 from validate.schedule_pages.steps import steps_of_design
 from validate.schedule_pages.tables import read_schedule
-from validate.store.folder import StoreError
 
 # Numbers of a figure have four digits.
 DRAWN_DIGITS = 6e-4

@@ -14,10 +14,10 @@ import time
 import numpy as np
 import pytest
 
+from render.store.atomic import ABANDONED_S
+from render.store.folder import Store
 from tests.validate.sweeps.test_sweep_run import ALONE, DETERMINED, SCENE
 from validate.commands.store_upkeep import check, stored_files
-from validate.store.atomic import ABANDONED_S
-from validate.store.folder import Store
 
 # Of the campaign: at random moments, and at steps between two things done to files, where nothing else would be hit.
 MOMENTS, STEPS = 30, 20

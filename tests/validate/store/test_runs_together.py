@@ -11,11 +11,11 @@ from multiprocessing import get_context
 
 import pytest
 
+from render.store import locks
+from render.store.locks import in_turn
 from tests.helpers.drawn_sweep import Runs
 from tests.validate.store.test_killed import check_all_whole, tables, temporary_files, with_sweep
 from tests.validate.sweeps.test_sweep_run import DETERMINED, SWEEP
-from validate.store import locks
-from validate.store.locks import in_turn
 
 # s, that each view takes: the second of two runs that start within a second of each other finds the first at work.
 DRAWING_S = 0.3

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from pss import RangeError
+from render.store.checksums import sum_path
+from render.store.folder import Store, StoreError
 from validate.commands.store import main as store_main
 from validate.commands.store_codes import codes_here
 from validate.commands.store_upkeep import bytes_of, prune_list, seconds_of, stored_files
 from validate.markers.view_measurement import measure_code
 from validate.run_sweep import main
-from validate.store.checksums import sum_path
-from validate.store.folder import Store, StoreError
 
 DAY_S = 86400.0
 

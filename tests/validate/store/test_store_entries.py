@@ -14,15 +14,15 @@ import pytest
 from render.keys import light_key
 from render.light import lit_scene
 from render.light.radiosity import UnitLight, solve_light
+from render.store.arrays import check_arrays
+from render.store.checksums import LINE_DIGITS, FileSum, add_sum, read_sums, sum_of, sum_path
+from render.store.folder import Store
+from render.store.light import load_light, save_light
+from render.store.views import certificate_of, load_view, save_view
 from render.world.state import Light, Marker, MarkerPrint, Panel, Room, SceneState
 from tests.helpers.views import an_awkward_view
 from validate.markers.view_measurement import MeasureTask, load_measurement
 from validate.run_sweep import main
-from validate.store.arrays import check_arrays
-from validate.store.checksums import LINE_DIGITS, FileSum, add_sum, read_sums, sum_of, sum_path
-from validate.store.folder import Store
-from validate.store.light import load_light, save_light
-from validate.store.views import certificate_of, load_view, save_view
 
 TRIALS, MARKERS = 3, 2
 

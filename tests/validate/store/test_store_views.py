@@ -18,19 +18,20 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+import render.store.light as lighting
 import validate.acquire.acquire as acquiring
 from pss import PTZCamera
 from render.files.exr import write_view
 from render.keys import state_key
 from render.random_streams import random_stream
+from render.store.folder import Store, StoreError
+from render.store.locks import RESERVATIONS
+from render.store.views import DamagedViewError, certificate_of, load_view, save_view, stored_view
 from render.world.state import Light, Marker, Panel
 from tests.helpers.views import an_awkward_view
 from validate.acquire.acquire import Acquisition, acquire, with_whole_views
 from validate.acquire.queue import WorkerQueue
 from validate.runs.progress import ViewProgress
-from validate.store.folder import Store, StoreError
-from validate.store.locks import RESERVATIONS
-from validate.store.views import DamagedViewError, certificate_of, load_view, save_view, stored_view
 
 REQUEST, VIEW = an_awkward_view()
 # Of the camera: enough views that some are whole while one is damaged.
@@ -249,7 +250,7 @@ def test_light_that_cannot_be_solved_fails_the_views_of_its_state_alone(wanted, 
     dark = dataclasses.replace(wanted[0].request.state, light=Light(0.1, wanted[0].request.state.light.panels))
     other = [dataclasses.replace(item, request=dataclasses.replace(item.request, state=dark)) for item in wanted[:2]]
     tried = []
-    solve = acquiring.solve_light
+    solve = lighting.solve_light
 
     def solve_or_fail(state, mi=None):
         tried.append(state_key(state))
@@ -257,7 +258,7 @@ def test_light_that_cannot_be_solved_fails_the_views_of_its_state_alone(wanted, 
             raise MemoryError("no room for the light")
         return solve(state, mi)
 
-    monkeypatch.setattr(acquiring, "solve_light", solve_or_fail)
+    monkeypatch.setattr(lighting, "solve_light", solve_or_fail)
     acquired, rendered = made([*other, *wanted], Store(tmp_path))
     assert set(acquired.failed) == {item.request.key for item in other}
     assert set(acquired.failed.values()) == {"the scene's light cannot be solved: MemoryError: no room for the light"}

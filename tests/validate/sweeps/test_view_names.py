@@ -7,11 +7,11 @@ import re
 import pytest
 
 from render.lens.sampling import Sampling
+from render.store.folder import Store, StoreError
 from scenes import load_scene, load_sweep
 from tests.validate.sweeps.test_sweep_run import SCENE, SWEEP
 from validate.acquire.view_names import view_name
 from validate.pages.stored import stored_measurements
-from validate.store.folder import Store, StoreError
 from validate.sweeps.step_names import names_in_steps
 from validate.sweeps.sweep import plan
 

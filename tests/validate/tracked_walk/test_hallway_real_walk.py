@@ -11,11 +11,11 @@ from pss import ConstantVelocity, RangeError
 from pss.noise import Calibration
 from render.keys import state_key
 from render.random_streams import random_stream
+from render.store.folder import Store
 from scenes import load_scene
 from scenes.steps.schedule_file import load_schedule
 from tests.validate.schedule.test_hallway_study import LIMITS, acquired_of
 from validate.schedule.stage import stage_of, stance_in
-from validate.store.folder import Store
 from validate.tracked_walk import files
 from validate.tracked_walk.files import torso_trajectories, write_real_walk
 from validate.tracked_walk.frames import body_parts, gait_densities, real_walk_of, track_real_walk

@@ -17,11 +17,11 @@ import scipy.optimize
 from scipy.spatial.transform import Rotation
 
 from pss import RangeError, ShapeError
+from render.store.folder import StoreError
 from scenes.markers.suit import PLACES, SUIT_KEYS, SUIT_SIZE, ids_on, suit_markers
 from scenes.people.avatar import Stance, avatar_frames
 from scenes.people.gait import stride_of_speed
 from scenes.schema.avatar import SuitSpec
-from validate.store.folder import StoreError
 from validate.tracked_walk.trajectories import body_poses, torso_pose, torso_reference_m, write_tum, write_walk
 
 ROOT = Path(__file__).parents[3]

@@ -23,9 +23,9 @@ from pathlib import Path
 from typing import Any
 
 from pss import MissingLibraryError
-from validate.store.atomic import FULL
-from validate.store.checksums import SUFFIX, FileSum, add_sum, read_sums, sum_of
-from validate.store.folder import DAMAGED, Store, StoreError, atomic_path
+from render.store.atomic import FULL
+from render.store.checksums import SUFFIX, FileSum, add_sum, read_sums, sum_of
+from render.store.folder import DAMAGED, Store, StoreError, atomic_path
 
 __all__ = ["RemoteStore", "is_address", "open_store"]
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from pss import MissingLibraryError
-from validate.store.checksums import sum_path
-from validate.store.folder import Store, StoreError
-from validate.store.remote import is_address, open_store
+from render.store.checksums import sum_path
+from render.store.folder import Store, StoreError
+from render.store.remote import is_address, open_store
 
 ARRAYS = {"x": np.arange(1000)}
 

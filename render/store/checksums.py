@@ -7,7 +7,7 @@ own. SHA-256 since processors have instructions for it: a view of 10 MB takes 12
 there without a sum, or with that of another process which wrote the same name: two renders of one view need not be the
 same to the last bit. Lines are only ever added, so that each of two such writers finds its own, whichever file comes
 last. A file is good if any line fits it. So a file without sums is not an unfinished one but one of an older version;
-see `validate.store.folder`.
+see `render.store.folder`.
 
 **What a file says of itself lies in its sum** (a view's certificate), so that nobody opens a large image, or hashes it,
 for three numbers: the line is trusted by its own checksum, if size and time of change are those of the file. The time
@@ -27,7 +27,7 @@ from typing import Any
 from pss import RangeError
 from pss.files import open_plain
 from pss.json_text import json_text
-from validate.store.atomic import flush
+from render.store.atomic import flush
 
 __all__ = ["SUFFIX", "FileSum", "add_sum", "read_sums", "sum_of", "sum_path"]
 

@@ -1,7 +1,7 @@
 """Where views, solved light and measurements lie, found by the hash of all that determines them.
 
 A file is written under a temporary name, flushed and renamed: what is there is whole. Several runs share one store.
-Disks and other programs still damage files, so each has its checksum in a file beside it (`validate.store.checksums`),
+Disks and other programs still damage files, so each has its checksum in a file beside it (`render.store.checksums`),
 and nothing is read that was not checked. What does not fit its checksum is moved to `damaged/`, never deleted, with one
 line of warning, and counts as missing: whoever wanted it makes it again.
 
@@ -27,9 +27,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from pss import RangeError
-from validate.store.arrays import Arrays, read_arrays
-from validate.store.atomic import StoreError, atomic_path, discard_unfinished, write_text
-from validate.store.checksums import FileSum, add_sum, read_sums, sum_of, sum_path
+from render.store.arrays import Arrays, read_arrays
+from render.store.atomic import StoreError, atomic_path, discard_unfinished, write_text
+from render.store.checksums import FileSum, add_sum, read_sums, sum_of, sum_path
 
 __all__ = ["DAMAGED", "Store", "StoreError", "atomic_path", "discard_unfinished", "write_text"]
 
@@ -49,7 +49,7 @@ _adopting: set[Path] = set()
 class Store:
     """A folder of views (EXR), solved light and measurements (NPZ), and the interface of stores that lie elsewhere.
 
-    Paths are those of files on this machine. A store that lies elsewhere (`validate.store.remote`) keeps what programs
+    Paths are those of files on this machine. A store that lies elsewhere (`render.store.remote`) keeps what programs
     need here, in `folder`, and has its own `has`, `fetch` and `push`; for a folder these have nothing to do.
     """
 

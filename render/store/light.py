@@ -1,15 +1,21 @@
-"""Solved light in a store: what is read has to be the light of the scene state that is asked for."""
+"""Solved light in a store, which is checked to be that of the scene state it is read for; solved where missing."""
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
+
 import numpy as np
 
-from render.light.lit_scene import GlowMeshes
+from render import backend
+from render.keys import light_code, light_key, state_key
+from render.light.lit_scene import GlowMeshes, bake
+from render.light.radiosity import solve_light
+from render.store.arrays import Arrays, check_arrays
+from render.store.folder import Store, StoreError
 from render.world.state import SceneState
-from validate.store.arrays import Arrays, check_arrays
-from validate.store.folder import Store
 
-__all__ = ["load_light", "save_light"]
+__all__ = ["baked", "load_light", "save_light"]
 
 
 def load_light(store: Store, key: str, state: SceneState) -> GlowMeshes | None:
@@ -30,6 +36,36 @@ def save_light(store: Store, key: str, meshes: GlowMeshes, code: str, seconds: f
     """
     arrays = {name: np.asarray(value) for name, value in vars(meshes).items()}
     store.save(store.light(key), arrays, code, {"seconds": seconds})
+
+
+def baked(
+    state: SceneState,
+    store: Store,
+    chosen: backend.Backend | None = None,
+    solved: Callable[[str, float], None] = lambda key, took_s: None,
+) -> GlowMeshes:
+    """The lit scene of a state, from the store, or solved now and stored.
+
+    Args:
+        chosen: the backend whose rays find what is hidden where meshes stand in the way; None without meshes.
+        solved: is called with the state's hash and the seconds that it took, if the light had to be solved.
+
+    Raises:
+        StoreError: the light is missing from a store that cannot be written.
+    """
+    key = light_key(state)
+    meshes = load_light(store, key, state)
+    if meshes is None:
+        if not store.writable:
+            raise StoreError(
+                f"{store.light(key)} is missing, and its folder cannot be written; allowed is one that has it"
+            )
+        begin = time.perf_counter()
+        meshes = bake(state, solve_light(state, backend.start(chosen) if chosen else None))
+        took_s = time.perf_counter() - begin
+        save_light(store, key, meshes, light_code().digest, took_s)
+        solved(state_key(state), took_s)
+    return meshes
 
 
 def _check(arrays: Arrays, state: SceneState) -> None:

@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from render.store.checksums import FileSum, add_sum, read_sums, sum_of, sum_path
+from render.store.folder import Store, StoreError, atomic_path, write_text
+from render.store.views import load_view, save_view
 from tests.helpers.disks import remounted, small_file_system
 from tests.helpers.views import an_awkward_view
-from validate.store.checksums import FileSum, add_sum, read_sums, sum_of, sum_path
-from validate.store.folder import Store, StoreError, atomic_path, write_text
-from validate.store.views import load_view, save_view
 
 ARRAYS = {"x": np.arange(1000)}
 # By each of two processes: enough for renames and added sums to fall between each other's.
@@ -146,7 +146,7 @@ def test_facts_need_no_look_at_the_file_unless_it_has_changed(tmp_path, monkeypa
     path = store.light("abc")
     store.save(path, ARRAYS, "test 1")
     hashed = []
-    monkeypatch.setattr("validate.store.folder.sum_of", lambda path: hashed.append(path) or sum_of(path))
+    monkeypatch.setattr("render.store.folder.sum_of", lambda path: hashed.append(path) or sum_of(path))
     assert store.facts(path) == {"version": "test 1"}
     assert hashed == []
     os.utime(path, ns=(1, 1))  # a clock set back, or a backup
@@ -206,11 +206,11 @@ def test_a_whole_file_made_meanwhile_is_not_set_aside(tmp_path, monkeypatch):
 
     def hashed_then_replaced(path):
         found = sum_of(path)
-        monkeypatch.setattr("validate.store.folder.sum_of", sum_of)
+        monkeypatch.setattr("render.store.folder.sum_of", sum_of)
         store.save(path, ARRAYS)
         return found
 
-    monkeypatch.setattr("validate.store.folder.sum_of", hashed_then_replaced)
+    monkeypatch.setattr("render.store.folder.sum_of", hashed_then_replaced)
     np.testing.assert_array_equal(store.load(path)["x"], ARRAYS["x"])
     assert not (tmp_path / "damaged").exists()
 
@@ -281,7 +281,7 @@ def test_a_full_disk_leaves_what_is_stored(tmp_path, monkeypatch):
     """The file that does not fit is not there, and says how large it is; the one before is whole."""
     store = Store(tmp_path)
     store.save(store.light("small"), {"x": np.arange(10)})
-    monkeypatch.setattr("validate.store.atomic.flush", _full_after(5000))
+    monkeypatch.setattr("render.store.atomic.flush", _full_after(5000))
     noise = np.random.default_rng(0).random(2000)
     with pytest.raises(StoreError, match="disk is full") as raised:
         store.save(store.light("large"), {"x": noise})

@@ -11,8 +11,8 @@ from pss import RangeError
 from render.files.exr import ImageFileError, ViewPlanes, read_planes, read_view, write_view
 from render.keys import view_code
 from render.renderer import Certificate, RenderedView, ViewRequest
-from validate.store.atomic import disk_full, free_bytes
-from validate.store.folder import Store, StoreError
+from render.store.atomic import disk_full, free_bytes
+from render.store.folder import Store, StoreError
 
 __all__ = [
     "DamagedViewError",
