@@ -2,11 +2,37 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
 
+from tests.helpers import render_marker
+
+GUARD = render_marker.Guard()
 ROOM_FILE = Path(__file__).parents[1] / "scenes" / "room.toml"
+
+
+@pytest.hookimpl(tryfirst=True)  # before `-m` selects
+def pytest_collection_modifyitems(items):
+    """Mark tests that render by their fixtures."""
+    render_marker.mark(items)
+
+
+def pytest_configure():
+    """Watch imports of Mitsuba."""
+    sys.meta_path.insert(0, GUARD)
+
+
+def pytest_unconfigure():
+    """Stop watching."""
+    sys.meta_path.remove(GUARD)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item):
+    """Refuse the renderer to tests without the marker, before their fixtures of any scope are made."""
+    GUARD.enter(item)
 
 
 @pytest.fixture(scope="session")
