@@ -14,23 +14,14 @@ from pss import noise_model
 from render import backend
 from render.keys import state_key
 from render.store.folder import Store
-from tests.gate.gate import Claim, family_level, format_claims, judge, turn_shows
+from tests.gate.claims import BOUND, CONFIGURATIONS, COUNTS, LEVEL, TURN_DEG, TURNED_VIEW
+from tests.gate.gate import Claim, format_claims, judge, turn_shows
 from tests.gate.gate_bank import gate_bank, measured_points, predicted_points, turned_view
 from validate.acquire.acquire import acquire
 from validate.bank.design import draw_configurations
 from validate.runs.progress import ViewProgress
 
 pytestmark = pytest.mark.render
-
-COUNTS = (3, 4)
-CONFIGURATIONS = 250
-# The lower end of Spearman's ρ within a camera count has to reach this, at the level of the whole family. It is 0.76
-# and 0.69, within three and four of the bank's cameras, and 0.61 and 0.51 for a prediction that ignores focus.
-BOUND = 0.65
-# Both counts, and the turn of a camera.
-LEVEL = family_level(len(COUNTS) + 1)
-# Half a pixel at the gate's zooms, which nobody tells the measuring side.
-TURN_DEG, TURNED_VIEW = 0.02, 14
 
 
 class Gate:

@@ -32,6 +32,7 @@ from render.random_streams import random_stream
 from render.renderer import Certificate, RenderedView, ViewRequest
 from render.world.marker_print import pattern
 from render.world.state import Marker, SceneState
+from tests.helpers.stored_views import QueueOfThisProcess
 
 ROOT = Path(__file__).parents[2]
 # A run may be killed at each of these: Python's own names of what is done to files, and half of a content written.
@@ -133,8 +134,6 @@ def stand_in(patch: Any, workers: bool) -> None:
     patch(lighting, "solve_light", lambda state, mi=None: solve(state))
     patch(lighting.backend, "start", lambda chosen: None)
     if not workers:
-        from tests.validate.store.test_store_views import QueueOfThisProcess
-
         patch(acquiring, "WorkerQueue", QueueOfThisProcess)
         patch(figures, "draw_all", lambda *arguments: None)
         patch(figures, "all_drawn", lambda *arguments: True)

@@ -13,8 +13,8 @@ from render.store.folder import Store
 from render.store.views import save_view
 from scenes import load_scene
 from scenes.steps.schedule_file import load_schedule
+from tests.helpers.drawn_pixels import acquired_of, levels_at
 from tests.helpers.made_up_run import CERTIFICATE, made_up_view
-from tests.validate.schedule.test_hallway_study import acquired_of, levels_at
 from validate.schedule.agreement import agreement_rows
 from validate.schedule.claims import claim_rows
 from validate.schedule.held import assess_held, design_of

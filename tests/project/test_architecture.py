@@ -9,7 +9,6 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
-from functools import cache
 from pathlib import Path
 
 import pytest
@@ -18,9 +17,8 @@ import pss
 import render
 import scenes
 import validate
+from tests.helpers.sources import PACKAGES, ROOT, imports, modules, relative, tree
 
-ROOT = Path(__file__).resolve().parents[2]
-PACKAGES = ("pss", "render", "scenes", "validate")
 RENDERER = {"mitsuba", "drjit"}
 
 # (file, import): why it may.
@@ -58,33 +56,6 @@ TEXT_SUFFIXES |= {".ipynb", ".css"}
 GENERATED = {"build", "_build", "dist", "__pycache__", "results"}
 
 
-def modules(*folders: str) -> list[Path]:
-    return [path for folder in folders for path in sorted((ROOT / folder).rglob("*.py"))]
-
-
-def relative(path: Path) -> str:
-    return path.relative_to(ROOT).as_posix()
-
-
-@cache
-def tree(path: Path) -> ast.Module:
-    return ast.parse(path.read_text(encoding="utf-8"), filename=str(path))
-
-
-def imports(path: Path) -> Iterator[tuple[str, ast.stmt | ast.expr]]:
-    """Every module that a file imports, anywhere in it, with the statement or the call."""
-    for node in ast.walk(tree(path)):
-        if isinstance(node, ast.Import):
-            yield from ((alias.name, node) for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{relative(path)}:{node.lineno} imports relatively; allowed: absolute imports"
-            yield node.module or "", node
-        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name | ast.Attribute):
-            name = node.func.id if isinstance(node.func, ast.Name) else node.func.attr
-            if name in ("__import__", "import_module") and node.args and isinstance(node.args[0], ast.Constant):
-                yield str(node.args[0].value), node
-
-
 @pytest.mark.parametrize("package", PACKAGES)
 def test_a_package_imports_only_what_its_layer_may(package):
     """pss: numpy, scipy, trimesh. render: nothing of validate or scenes. scenes: nothing of validate, no renderer."""
@@ -116,6 +87,16 @@ ONE_DOOR = {
 def test_some_libraries_are_imported_by_one_file(name, door):
     found = {relative(path) for path in modules(*PACKAGES) for imported, _ in imports(path) if imported == name}
     assert found == {door}, ONE_DOOR[name, door]
+
+
+def test_no_test_module_imports_another():
+    """What several of them need is a fixture in a conftest, or in tests/helpers."""
+    for path in modules("tests"):
+        for name, node in imports(path):
+            names = [name, *(alias.name for alias in getattr(node, "names", ()))]
+            assert not any(part.startswith("test_") for name in names for part in name.split(".")), (
+                f"{relative(path)}:{node.lineno} imports {name}; allowed: conftest.py and tests/helpers"
+            )
 
 
 def test_mitsuba_is_imported_inside_functions_only():

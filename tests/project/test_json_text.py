@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import ast
 import dataclasses
-import json
 import math
-from typing import Any
 
 import OpenImageIO as oiio
 import pytest
@@ -18,8 +16,9 @@ from render.renderer import Certificate
 from render.store.checksums import sum_path
 from render.store.folder import Store
 from render.store.views import certificate_of, load_view, save_view
+from tests.helpers.sources import PACKAGES, modules, relative, tree
+from tests.helpers.strict_json import strict
 from tests.helpers.views import an_awkward_view
-from tests.project.test_architecture import PACKAGES, modules, relative, tree
 from validate.runs.events import EVENTS, EventFile
 
 # (file, function that calls json.dumps): why it may.
@@ -29,15 +28,6 @@ ALLOWED = {
     ("render/keys.py", "digest_of"): "hashes the text, and nobody reads it",
     ("scenes/errors.py", "_written"): "shows a value in a message",
 }
-
-
-def strict(text: str) -> Any:
-    """JSON as its standard has it."""
-
-    def refuse(name: str) -> None:
-        raise AssertionError(f"{name} is no JSON")
-
-    return json.loads(text, parse_constant=refuse)
 
 
 def test_numbers_that_json_lacks_are_null():

@@ -14,7 +14,7 @@ from pss.noise import DETECTION_COEFFICIENTS, Calibration
 from pss.visibility.detection import DETECTION_PARTS, detection_features
 from pss.visibility.points import visible_in
 from pss.visibility.targets import TARGET_VISIBILITY, blur_modules, contrast_over_noise, narrow_side_px
-from tests.validate.prediction.test_calibrate_limits import world
+from tests.helpers.markers_before_cameras import world
 from validate.prediction.detection import DetectionTrials, detection_trials, fit_detection, log_loss
 
 TRUTH = {"constant": 6.0, "size": 2.0, "blur": 3.0, "signal": 4.0, "incidence": 0.5, "lapse": 0.02}

@@ -10,7 +10,7 @@ import scipy.stats
 
 from pss import ConstantAcceleration, ConstantVelocity, LinearProcess, RandomWalk
 from pss.riccati.solve import measurement_information, posterior_covariance, steady_state_covariance
-from tests.pss.test_riccati import camera_like, difference
+from tests.helpers.riccati_systems import camera_like, difference
 
 RUNS = 2000
 # Probability that a right covariance is refused, over all tests of this file together; the seeds are fixed.

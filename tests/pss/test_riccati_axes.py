@@ -11,7 +11,7 @@ from pss.riccati.axes import CHUNK, axis_blocks, axis_covariance, position_varia
 from pss.riccati.methods import symmetric_root
 from pss.riccati.observability import information_ratio, smallest_eigenvalue_3x3
 from pss.riccati.solve import riccati_residual, steady_state_covariance_from_information
-from tests.pss.test_riccati import (
+from tests.helpers.riccati_systems import (
     EPS,
     ROUNDINGS,
     by_scipy,

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from scipy.stats import spearmanr
 
-from pss import Appearance, ConstantVelocity, PTZCamera, Rectangle, Sphere, evaluate
+from pss import ConstantVelocity, PTZCamera, Sphere, evaluate
 from pss.rivals import RIVALS
+from tests.helpers.rivals import APPEARANCE, BALL, BY_NAME, CAMERAS, ring, scene, scene_points, single
 
 # Relative; sums over a handful of cameras, in another order or another frame of the world. The general solution of
 # Eq. 4 and the cancellation in ‖P⁻‖ − ‖P⁺‖ leave about two digits less than sums alone.
@@ -16,14 +17,7 @@ SAME_TO_ROUNDING = 1e-8
 # Spearman's ρ of rivals made of distances and angles alone, their documented near ties: of all, and of close kin.
 MUCH_THE_SAME_ORDER, NEARLY_THE_SAME_ORDER = 0.7, 0.95
 
-BALL = Sphere("ball", (0.25, 0.1, 1.25), 0.45)
-BOARD = Rectangle("board", (0.0, -1.4, 1.3), 2.4, 1.8)
-PLACES = [(-2.8, 0.2), (-2.8, 1.6), (-1.7, 2.8), (0.0, 2.8), (1.7, 2.8), (2.8, 1.6), (2.8, 0.2)]
-CAMERAS = [PTZCamera((x, y, 2.8), 0, 0, zoom=2, focus_distance_m=3.8).aimed_at((0, -0.7, 1.3)) for x, y in PLACES]
-# Small and dim, so that contrast matters.
-APPEARANCE = Appearance(0.01, 0.01, 0.001)
 
-BY_NAME = {metric.name: metric for metric in RIVALS}
 # Not the same in a world that is turned by another angle than 90°: a hash of coordinates, and C's diagonal.
 KNOWS_COORDINATES = {"random"}
 KNOWS_AXES = {"worst-diagonal", "worst-diagonal-count-zero"}
@@ -36,19 +30,6 @@ NOT_MONOTONE = {
     "distance-weighted-views",  # a view between two that are 30° apart leaves two near-duplicates of one
     "uncertainty-reward-steady-state",  # less to gain where more is known
 }
-
-
-def scene_points():
-    """A board and the ball that hides a part of it; some points are unobservable."""
-    on_board, on_ball = BOARD.grid(6, 4), BALL.spiral(20)
-    points = np.concatenate([on_board[0] + 5e-4 * on_board[1], on_ball[0] + 5e-4 * on_ball[1]])
-    return points, np.concatenate([on_board[1], on_ball[1]])
-
-
-def scene(cameras, points=None, normals=None, **models):
-    if points is None:
-        points, normals = scene_points()
-    return evaluate(cameras, points, normals, **{"appearance": APPEARANCE, "occluder": [BALL], **models})
 
 
 def observable_scene():
@@ -151,18 +132,6 @@ def test_a_further_camera_never_makes_it_worse(metric, start):
     slack = SAME_TO_ROUNDING * np.abs(better[1:])
     assert all(b >= a or b >= a - s for a, b, s in zip(better[:-1], better[1:], slack, strict=True)), values
     assert better[-1] >= better[0]
-
-
-def single(x, y, **settings):
-    return PTZCamera((x, y, 1), 0, 0, **settings).aimed_at((0, 0, 1))
-
-
-def ring(*azimuths_deg, distance_m=4.0, **settings):
-    """Cameras round (0, 0, 1), level with it."""
-    return [
-        single(distance_m * math.cos(math.radians(a)), distance_m * math.sin(math.radians(a)), **settings)
-        for a in azimuths_deg
-    ]
 
 
 @pytest.mark.parametrize(

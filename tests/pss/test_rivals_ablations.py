@@ -21,7 +21,7 @@ from pss import (
 )
 from pss.noise import BrightnessContrast, Defocus, DistanceIncidence, IdentityNoise, NoiseModel, Resolution
 from pss.rivals.ablations import evaluation_with
-from tests.pss.test_rivals import APPEARANCE, BALL, BY_NAME, CAMERAS, scene, scene_points
+from tests.helpers.rivals import APPEARANCE, BALL, BY_NAME, CAMERAS, scene, scene_points
 
 # Relative; the same sums in another order.
 SAME_TO_ROUNDING = 1e-9

@@ -12,8 +12,7 @@ from pss import PositionFix, PTZCamera, RandomWalk, evaluate
 from pss.rivals.covariance import PRIOR_SIGMA_M, quantisation_volume_m3, uncertainty_reward_m2, worst_diagonal_m2
 from pss.rivals.entropy import DETECTION_PROBABILITY, expected_log_determinant
 from pss.rivals.planar import planar_variance_m2
-from tests.pss.test_rivals import CAMERAS, ring, scene, single
-from tests.pss.test_rivals_formulas import TARGET, look, random_cameras, score, towards
+from tests.helpers.rivals import CAMERAS, TARGET, look, random_cameras, ring, scene, score, single, towards
 
 # Relative; the same sums in another order.
 SAME_TO_ROUNDING = 1e-9

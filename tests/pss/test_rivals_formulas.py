@@ -8,38 +8,27 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from pss import FieldOfView, PTZCamera, evaluate
+from pss import PTZCamera, evaluate
 from pss.rivals import coverage, occlusion
 from pss.rivals.angles import best_pair_m2
 from pss.rivals.coverage import camera_strength
-from tests.pss.test_rivals import BY_NAME, CAMERAS, ring, scene, scene_points, single
+from tests.helpers.rivals import (
+    CAMERAS,
+    TARGET,
+    look,
+    random_cameras,
+    ring,
+    scene,
+    scene_points,
+    score,
+    single,
+    towards,
+)
 
 # Relative; the same sums in another order.
 SAME_TO_ROUNDING = 1e-9
 # Degrees; an occluder turned in steps finds each border of a sector to one step.
 STEP_DEG = 0.1
-TARGET = np.array([0.0, 0.0, 1.0])
-
-
-def look(cameras, points=(TARGET,), **models):
-    """An evaluation in which nothing hides a point: normals do not count."""
-    points = np.asarray(points, dtype=float)
-    return evaluate(cameras, points, np.tile([0, 0, 1.0], (len(points), 1)), visibility=(FieldOfView(),), **models)
-
-
-def score(name, evaluation):
-    return BY_NAME[name].score(evaluation)
-
-
-def random_cameras(rng, count=6):
-    """Anywhere round the target, not level with it."""
-    places = rng.standard_normal((count, 3)) * [3, 3, 1] + TARGET
-    return [PTZCamera(tuple(place), 0, 0).aimed_at(TARGET) for place in places]
-
-
-def towards(camera, point=TARGET):
-    away = np.array(camera.position_m) - point
-    return away / np.linalg.norm(away)
 
 
 # ---- counting views --------------------------------------------------------------------------------------------------

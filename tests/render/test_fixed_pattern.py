@@ -19,7 +19,7 @@ from render.renderer import Certificate, RenderedView, ViewRequest
 from render.sensor import capture, fixed_pattern
 from render.store.folder import Store
 from render.world.state import Light, MarkerPrint, Room, SceneState
-from tests.render.test_sensor import largest_z
+from tests.helpers.z_scores import largest_z
 from validate.markers.view_measurement import MeasureTask, measure
 
 WIDTH, HEIGHT = 320, 240

@@ -26,7 +26,7 @@ from tests.helpers.photon_transfer import (
     saturating,
     stack,
 )
-from tests.render.test_sensor import largest_z
+from tests.helpers.z_scores import largest_z
 
 ROOM = Path(__file__).parents[2] / "scenes" / "room.toml"
 NAMES = ("surveillance-ptz", "machine-vision-global-shutter", "low-light-large-pixel")

@@ -18,7 +18,7 @@ from render.light.radiosity import UnitLight, solve_light
 from render.renderer import Renderer
 from render.world.state import Light, MarkerPrint, Panel, Room, SceneState
 from scenes import SceneError, load_scene
-from tests.scenes.test_scene_files import ROOM
+from tests.helpers.scene_texts import ROOM
 
 pytestmark = pytest.mark.render
 

@@ -10,14 +10,12 @@ import scipy.stats
 
 from pss import ImageSensor, PSSError, PTZCamera, RangeError
 from render.sensor import capture, expected_electrons, relative_illumination
+from tests.helpers.z_scores import largest_z
 
 # Relative; a few roundings in double precision.
 SAME_TO_ROUNDING = 1e-12
 # Relative, of the light that captures show at an angle against cos⁴ θ. The rings' own noise is a tenth of it.
 FALL_OFF = 0.02
-# Chance that a family of Z-tests fails by itself; it is shared out among its members (Šidák). Seeds are fixed, so that
-# a pass stays a pass.
-FAMILY_WISE = 1e-3
 # Pixels at each light level: the mean is known to σ/300, the standard deviation to σ/420.
 PIXELS = 90_000
 # Electrons from darkness to three quarters of the full well, where nothing is clipped.
@@ -34,12 +32,6 @@ SENSOR = ImageSensor(
 )
 # v = 5 mm, f = 1/200.5 m, a = 1/401 m (tests/pss/test_camera.py has this lens by hand).
 CAMERA = PTZCamera((0, 0, 0), 0, 0, resolution=(1000, 800), pixel_pitch_m=1e-5, focus_distance_m=2, f_number=2)
-
-
-def largest_z(family: int) -> float:
-    """Two-sided bound that a family of independent Z-scores passes together with probability 1 − FAMILY_WISE."""
-    alone = 1 - (1 - FAMILY_WISE) ** (1 / family)
-    return float(scipy.stats.norm.isf(alone / 2))
 
 
 def capture_at(level_e: float, sensor: ImageSensor = SENSOR, seed: int = 0, pixels: int = PIXELS) -> np.ndarray:

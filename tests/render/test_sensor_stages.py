@@ -24,8 +24,10 @@ from render.sensor import (
     saturated_share,
     shot_noise,
 )
-from tests.render.test_sensor import SAME_TO_ROUNDING, largest_z
+from tests.helpers.z_scores import largest_z
 
+# Relative; a few roundings in double precision.
+SAME_TO_ROUNDING = 1e-12
 SENSOR = ImageSensor(550.0, 0.5, 4.0, 10_000.0, 6.0, 12, 64)
 COARSE = ImageSensor(550.0, 0.5, 4.0, 10_000.0, 0.0, 8, 0)
 CAMERA = PTZCamera((0, 0, 0), 0, 0, resolution=(1024, 64))

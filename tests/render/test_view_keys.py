@@ -11,32 +11,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pss import Box, ImageSensor, PTZCamera, Rectangle, Sphere
-from pss.surrogates import Mesh
+from pss import Box, ImageSensor, PTZCamera, Sphere
 from render.code_digest import Code
 from render.keys import light_key, state_key
 from render.lens.sampling import Sampling
 from render.random_streams import random_stream
 from render.renderer import ViewRequest
 from render.world.marker_print import pattern
-from render.world.state import Light, Marker, MarkerPrint, Motion, Panel, Room, SceneObject, SceneState
+from render.world.state import Light, Motion, SceneState
+from tests.helpers.keyed_state import MARKER, OBJECTS, STATE
 
-MARKER = Marker(5, "board", (0.0, -1.0, 1.3), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), 0.02)
-OBJECTS = (
-    SceneObject(Rectangle("board", (0.0, -1.0, 1.3), 2.4, 1.8), 0.5),
-    SceneObject(Sphere("ball", (0.2, 0.1, 1.2), 0.4), 0.4),
-    SceneObject(Box("plinth", (0.0, -0.1, 0.0), (0.4, 0.3, 0.8)), 0.3),
-    SceneObject(
-        Mesh("tent", np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]), np.array([(0, 1, 3), (0, 3, 2)])), 0.5
-    ),
-)
-STATE = SceneState(
-    Room(6.0, 6.0, 3.0, 0.55, 0.25, 0.75),
-    Light(0.2, (Panel((1.0, 1.2), (0.6, 1.2)),)),
-    OBJECTS,
-    (MARKER,),
-    MarkerPrint("DICT_4X4_100", 1.0, 0.85, 0.04),
-)
 CAMERA = PTZCamera((0.0, 2.8, 2.8), 180.0, -20.0, zoom=3.0, focus_distance_m=3.8, name="4")
 SENSOR = ImageSensor(550.0, 0.5, 4.0, 10_000.0, 6.0, 12, 64)
 REQUEST = ViewRequest(STATE, CAMERA, SENSOR, Sampling(), "mitsuba-3.9.0-llvm_ad_mono-llvm23")

@@ -6,20 +6,17 @@ import json
 import math
 import pickle
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-import scenes.steps.sweep_file
 from pss import ConstantVelocity, PSSError, RandomWalk, Rectangle, Sphere
 from scenes import SceneError, load_scene, load_sweep
 from scenes.markers.layout import PLATE_OFFSET_M, overlapping, plate_corners_m, upwards
 from scenes.schema.dictionaries import DICTIONARIES
 from scenes.steps.schedule_file import load_schedule
+from tests.helpers.scene_texts import FOLDER, ROOM, changed, scene_problems, write
 
-FOLDER = Path(scenes.__file__).parent
-ROOM = (FOLDER / "room.toml").read_text()
 # Written beside no other file, where a sweep may name no scene in the folder above.
 ZOOM, SELECTION = (
     (FOLDER / "sweeps" / f"{name}.toml").read_text().replace("../room.toml", "room.toml")
@@ -28,26 +25,6 @@ ZOOM, SELECTION = (
 
 # Positions are sums of a few decimal fractions of metres.
 ROUNDING_M = 1e-12
-
-
-def changed(text: str, *replacements: tuple[str, str]) -> str:
-    """`text` with the first place of each replaced; a pattern that is not there would test nothing."""
-    for old, new in replacements:
-        assert old in text, f"{old!r} is not in the file"
-        text = text.replace(old, new, 1)
-    return text
-
-
-def write(folder: Path, text: str, name: str = "scene.toml") -> Path:
-    path = folder / name
-    path.write_text(text)
-    return path
-
-
-def scene_problems(folder: Path, text: str, overrides: tuple[str, ...] = ()) -> list[str]:
-    with pytest.raises(SceneError) as caught:
-        load_scene(write(folder, text), overrides)
-    return caught.value.problems
 
 
 # ---- what is shipped -----------------------------------------------------------------------------------------------

@@ -15,8 +15,8 @@ from render.lens.sampling import Sampling
 from render.store.checksums import sum_path
 from render.store.folder import Store
 from render.store.views import save_view
-from tests.validate.store.test_store_views import REQUEST, VIEW, ZOOMS, no_progress, wanted  # noqa: F401 (a fixture)
-from tests.validate.sweeps.test_sweep_run import ALONE, SCENE
+from tests.helpers.closet import ALONE, SCENE
+from tests.helpers.stored_views import REQUEST, VIEW, ZOOMS, no_progress
 from validate.acquire import forecast as dry_run
 from validate.acquire.acquire import acquire
 from validate.acquire.forecast import LEAST_KNOWN, announce, forecast
@@ -36,7 +36,7 @@ MEASURED_S, MEASURED_BYTES, WITHIN = 66.0, 7.0e9, 2.0
 CPU_S_AT_USUAL, FITTED = 3.52, 0.1
 
 
-def test_counts_are_those_of_the_store(wanted, tmp_path):  # noqa: F811
+def test_counts_are_those_of_the_store(wanted, tmp_path):
     """Before a run, after one, and with an image and a measurement gone; nothing is written."""
     store, renderer = Store(tmp_path / "store"), wanted[0].request.renderer
     before = forecast([*wanted, wanted[0]], store, renderer, WORKERS)
@@ -60,7 +60,7 @@ def test_counts_are_those_of_the_store(wanted, tmp_path):  # noqa: F811
     assert gone.seconds == pytest.approx(view_s + trials * capture_s / WORKERS)
 
 
-def test_rates_are_those_of_the_stores_own_views(wanted, tmp_path):  # noqa: F811
+def test_rates_are_those_of_the_stores_own_views(wanted, tmp_path):
     """Of the same renderer and as many pixels, and of no others."""
     store, renderer, size = Store(tmp_path / "store"), REQUEST.renderer, VIEW.radiance.size
     for number in range(LEAST_KNOWN):
@@ -78,7 +78,7 @@ def test_rates_are_those_of_the_stores_own_views(wanted, tmp_path):  # noqa: F81
     assert forecast(wanted, store, renderer, WORKERS).asked == 0
 
 
-def test_a_disk_that_is_too_small_is_said(wanted, tmp_path, monkeypatch):  # noqa: F811
+def test_a_disk_that_is_too_small_is_said(wanted, tmp_path, monkeypatch):
     """On standard error, with both numbers."""
     chosen = backend.Backend("scalar_rgb", "", 0, "as asked")
     messages = RunMessages()
@@ -92,7 +92,7 @@ def test_a_disk_that_is_too_small_is_said(wanted, tmp_path, monkeypatch):  # noq
         assert words in said
 
 
-def of_size(wanted, width, height):  # noqa: F811
+def of_size(wanted, width, height):
     """The same views by cameras of so many pixels, with the sweeps' bound on sampling noise."""
     found = []
     for item in wanted:
@@ -102,7 +102,7 @@ def of_size(wanted, width, height):  # noqa: F811
     return found
 
 
-def test_time_and_memory_grow_with_the_pixels(wanted, tmp_path):  # noqa: F811
+def test_time_and_memory_grow_with_the_pixels(wanted, tmp_path):
     """48 megapixels were 'about 0:22' for five views, as any size was; measured are 66 s and 7.0 GB a view."""
     store = Store(tmp_path / "store")
     small, large = (forecast(of_size(wanted, *size), store, "none", WORKERS) for size in ((1280, 960), (8000, 6000)))
@@ -128,7 +128,7 @@ def test_time_grows_with_the_samples_as_the_benchmarks_do(ratio, cpu_s):
 
 
 @pytest.mark.parametrize("scale", [HERE, Scale(workers=2)])
-def test_memory_that_is_too_small_is_said(wanted, tmp_path, monkeypatch, scale):  # noqa: F811
+def test_memory_that_is_too_small_is_said(wanted, tmp_path, monkeypatch, scale):
     """The dry run states what is needed and what there is, and warns if that is less."""
     chosen = backend.Backend("scalar_rgb", "", 0, "as asked")
     messages = RunMessages()

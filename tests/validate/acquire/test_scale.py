@@ -28,8 +28,8 @@ from render.renderer import Certificate
 from render.store.folder import Store, StoreError
 from render.store.light import baked
 from scenes import load_scene
-from tests.validate.store.test_store_views import MARKER, REQUEST
-from tests.validate.sweeps.test_sweep_run import ALONE, DETERMINED, SCENE, SELECTION, SWEEP, command, run
+from tests.helpers.closet import ALONE, DETERMINED, SCENE, SELECTION, SWEEP, command, run
+from tests.helpers.stored_views import MARKER, REQUEST
 from validate.acquire import options
 from validate.acquire.acquire import acquire
 from validate.acquire.checks import WorkerReport, misfit, report

@@ -7,7 +7,7 @@ import pytest
 from pss import ImageSensor, PTZCamera
 from render.lens.sampling import Sampling
 from render.renderer import Certificate, ViewRequest
-from tests.render.test_view_keys import STATE
+from tests.helpers.keyed_state import STATE
 from validate.acquire.acquire import Acquired, Acquisition
 from validate.acquire.quality_warnings import SATURATED_SHARE, warn_of_render_noise, warn_of_saturation
 from validate.acquire.view_names import view_names

@@ -9,7 +9,7 @@ import pytest
 from scenes import load_scene
 from scenes.steps.schedule_file import load_schedule
 from tests.conftest import ROOM_FILE
-from tests.validate.schedule.test_hallway_study import acquired_of
+from tests.helpers.drawn_pixels import acquired_of
 from validate.acquire.acquire import Acquired
 from validate.acquire.messages import RunMessages
 from validate.bank import acquire as prepare

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from render.store.folder import StoreError
+from tests.helpers.few_rows import a_run
 from validate.commands.compare import compared, main, summarised
 from validate.comparison.matching import QUANTITIES, Quantity, matched_rows, separate
 from validate.comparison.sides import settings_rows, sides_of
 from validate.run_sweep import main as program
-from validate.sweeps.rows import write_csv
 
 REFERENCE = Path(__file__).parents[3] / "results" / "reference"
 PLAIN = Quantity("t", "v", "low", "high", ("sweep", "value"), True)
@@ -28,25 +28,6 @@ COVERAGE_WITHIN = 0.015
 def row(sweep, value, v, low="", high=""):
     """A row as a CSV reader gives it."""
     return {"sweep": sweep, "value": value, "v": str(v), "low": str(low), "high": str(high)}
-
-
-def a_run(folder, exposure_ms=4.0, pss=(100.0, 200.0), names=("zoom=1", "zoom=2"), zoom=3.0):
-    """A folder as a run leaves it, with two steps and two noise models."""
-    rows = [
-        {
-            "sweep": "zoom", "configuration": name, "parameter": "zoom", "value": name[5:], "cameras": 2,
-            "noise_model": model, "pss": 10.0, "pss_single_frame": 20.0 * factor,
-            "measured_pss_single_frame": value, "measured_pss_ci_low": 0.9 * value,
-            "measured_pss_ci_high": 1.1 * value,
-        }
-        for model, factor in (("as-printed", 1.0), ("physical", 3.0))
-        for name, value in zip(names, pss, strict=True)
-    ]  # fmt: skip
-    write_csv(folder / "configurations.csv", rows)
-    scene = {"sensor": {"exposure_ms": exposure_ms}, "cameras": [{"name": "1", "zoom": zoom}]}
-    said = {"scenes": {"zoom": scene, "focus": scene}, "sweeps": {"zoom": {"seed": 1}}, "seconds": {"total": pss[0]}}
-    (folder / "run.json").write_text(json.dumps(said))
-    return folder
 
 
 def test_rows_are_matched_by_key_and_not_by_place():

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from tests.validate.comparison.test_side_by_side_page import LONG, a_run
+from tests.helpers.compared_runs import LONG, a_run
 from validate.comparison.page import write_page
 from validate.comparison.sides import sides_of
 

@@ -13,7 +13,7 @@ from pss.errors import RangeError
 from render.backend import OLDEST_LLVM
 from scenes import load_scene
 from scenes.steps.sweep_file import SWEEPS
-from tests.gate import test_gate
+from tests.gate import claims
 from validate.findings.readme import BLOCKS, numbered_pages, readme_text, write_pages
 from validate.runs import exit_codes
 from validate.stats.intervals import LEVEL
@@ -95,10 +95,10 @@ def constants() -> list[str]:
         f"{cameras} are alone",
         f"At {1000 * load_scene(SWEEPS.parent / 'room.toml').process.step_std_m:g} mm of process noise a frame",
         (
-            f"over {test_gate.CONFIGURATIONS} configurations of three and of four cameras has an interval above "
-            f"{test_gate.BOUND:g}"
+            f"over {claims.CONFIGURATIONS} configurations of three and of four cameras has an interval above "
+            f"{claims.BOUND:g}"
         ),
-        f"turned by {test_gate.TURN_DEG:g}°",
+        f"turned by {claims.TURN_DEG:g}°",
         f"Exit codes: {codes.EXIT_DONE} done; {codes.EXIT_FAILED} done with failed views",
         (
             f"{codes.EXIT_MISTAKE} your mistake, or a full disk; {codes.EXIT_BROKEN} an error of the program; "
@@ -131,5 +131,5 @@ def test_every_other_number_is_a_constant():
 
 def test_counts_in_words():
     """The gate's counts are written out."""
-    assert test_gate.COUNTS == (3, 4)
+    assert claims.COUNTS == (3, 4)
     assert "sixteen small views" in " ".join(README.split())

@@ -20,7 +20,7 @@ from render.light.estimated_light import estimated_appearance
 from render.renderer import ViewRequest
 from scenes import load_scene
 from tests.helpers import made_up_run as made_up
-from tests.validate.sweeps.test_sweep_run import SCENE, SWEEP
+from tests.helpers.closet import SCENE, SWEEP
 from validate.acquire.acquire import Acquired, Acquisition
 from validate.acquire.quality_warnings import warn_of_darkness
 from validate.acquire.view_names import view_names

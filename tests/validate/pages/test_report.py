@@ -7,7 +7,6 @@ import json
 import math
 import re
 import shutil
-from html.parser import HTMLParser
 from itertools import pairwise
 from types import SimpleNamespace
 
@@ -21,9 +20,9 @@ import trimesh
 from pss import PTZCamera
 from render.store.folder import StoreError
 from render.world.state import Room
+from tests.helpers.closet import RISING, SCENE, SELECTION
 from tests.helpers.made_up_run import made_up_run
-from tests.validate.sweeps.test_sweep_run import SCENE, SELECTION
-from tests.validate.sweeps.test_trends import RISING
+from tests.helpers.pages import SAME_DIGITS, Page
 from validate.commands.report import of_results, remade
 from validate.markers.view_measurement import ViewMeasurement
 from validate.pages.budget import budget_columns
@@ -40,38 +39,12 @@ from validate.pages.style import PURPLE_ORANGE, model_style, object_styles
 from validate.prediction.frusta import frustum
 from validate.sweeps.rows import write_csv
 
-# Numbers of a table have seven digits.
-SAME_DIGITS = 2e-6
 # Numbers of a figure have four.
 DRAWN_DIGITS = 1e-3
 # σ of a standard deviation from many draws is 1/√(2·draws); five of them.
 MANY_TRIALS = 4000
 MONTE_CARLO = 5 / math.sqrt(2 * MANY_TRIALS)
 MOST_BYTES = 15_000_000
-
-
-class Page(HTMLParser):
-    """Elements of a page in order, each with its attributes and the text directly after it."""
-
-    def __init__(self, text):
-        super().__init__()
-        self.elements, self.open_labels, self.texts = [], 0, []
-        self.feed(text)
-
-    def handle_starttag(self, tag, attrs):
-        attributes = dict(attrs)
-        self.open_labels += tag == "label"
-        self.elements.append(SimpleNamespace(tag=tag, attributes=attributes, in_label=self.open_labels > 0, text=""))
-
-    def handle_endtag(self, tag):
-        self.open_labels -= tag == "label"
-
-    def handle_data(self, data):
-        if self.elements:
-            self.elements[-1].text += data
-
-    def all(self, *tags):
-        return [element for element in self.elements if element.tag in tags]
 
 
 @pytest.fixture(scope="module")

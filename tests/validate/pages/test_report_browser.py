@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 import pytest
 
+from tests.helpers.closet import SCENE, SELECTION, SWEEP
 from tests.helpers.made_up_run import made_up_run
-from tests.validate.sweeps.test_sweep_run import SCENE, SELECTION, SWEEP
 
 pytest.importorskip("selenium", reason="selenium is not installed")
 

@@ -11,10 +11,10 @@ import pytest
 
 from pss import PTZCamera
 from render.world.state import Room
+from tests.helpers.closet import SCENE, SELECTION, SWEEP
+from tests.helpers.compared_runs import a_run
 from tests.helpers.made_up_run import made_up_run
 from tests.helpers.made_up_schedule import made_up_schedule
-from tests.validate.comparison.test_side_by_side_page import a_run
-from tests.validate.sweeps.test_sweep_run import SCENE, SELECTION, SWEEP
 from validate.commands.compare import main
 from validate.pages.empty_rows import NO_ORDER, Sign, empty_row_words
 from validate.pages.scene3d import EYE, fitted_camera

@@ -10,7 +10,7 @@ import pytest
 import pss.files
 from render.store.folder import StoreError
 from scenes import load_sweep
-from tests.validate.sweeps.test_sweep_run import SCENE, SWEEP
+from tests.helpers.closet import SCENE, SWEEP
 from validate.commands.report import main, remade
 from validate.pages.named import DEFAULT_STORE, Given
 

@@ -8,7 +8,7 @@ import pytest
 from pss.errors import ShapeError
 from pss.processes.process import ConstantVelocity, RandomWalk
 from pss.riccati.solve import posterior_covariance, steady_state_covariance_from_information
-from tests.validate.points.test_track import exact_residuals, measured, pixel_covariances, room
+from tests.helpers.residuals import exact_residuals, measured, pixel_covariances, room
 from validate.points.filter_moments import steady_moments
 from validate.points.static_filter import track, trial_terms
 from validate.points.triangulate import detection_weights

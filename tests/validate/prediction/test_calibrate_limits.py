@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 
-from pss import Appearance, PTZCamera, RangeError
+from pss import RangeError
 from pss.cameras.views import Views
 from pss.visibility.points import visible_in
 from pss.visibility.targets import TARGET_VISIBILITY, Legible
+from tests.helpers.markers_before_cameras import world
 from validate.prediction.limits import fit_limits
 
 TRIALS = 20
@@ -18,18 +17,6 @@ TRIALS = 20
 MISSED, LUCKY = 0.03, 0.05
 # Steps of the search are 0.1 px and 0.05 modules; some hundred markers lie within a few steps of each limit.
 MODULE_PX, BLUR = 0.15, 0.1
-
-
-def world(seed: int) -> Views:
-    """Markers at 2 to 12 m before 12 cameras of all zooms and focus distances."""
-    rng = np.random.default_rng(seed)
-    points = np.column_stack([rng.uniform(-1, 1, 200), rng.uniform(2, 12, 200), rng.uniform(0.8, 2.2, 200)])
-    camera = PTZCamera((0.0, 0.0, 1.5), 0.0, 0.0, zoom=1.0, focus_distance_m=4.0)
-    cameras = [
-        dataclasses.replace(camera, zoom=rng.uniform(1, 5), focus_distance_m=float(np.exp(rng.uniform(0.3, 2.5))))
-        for _ in range(12)
-    ]
-    return Views(cameras, points, np.tile((0.0, -1.0, 0.0), (200, 1)), Appearance(0.02, 1.0, 0.1))
 
 
 @pytest.mark.parametrize("truth", [(2.3, 1.0), (3.7, 0.6)])

@@ -10,7 +10,7 @@ import pytest
 
 from pss.noise import Calibration
 from scenes import load_scene
-from tests.validate.schedule.test_hallway_study import acquired_of
+from tests.helpers.drawn_pixels import acquired_of
 from validate import run_sweep
 from validate.bank import acquire as prepare
 from validate.bank.design import BankDesign, held_out_views

@@ -15,8 +15,8 @@ import scipy.stats
 from pss.metric.table import Metric, MetricTable
 from pss.metrics import OF_THE_PAPER
 from scenes import load_scene
+from tests.helpers.closet import SCENE, SWEEP
 from tests.helpers.made_up_run import made_up_run
-from tests.validate.sweeps.test_sweep_run import SCENE, SWEEP
 from validate.commands.check import run as check
 from validate.pages.data import read_sweeps
 from validate.prediction import own_metrics

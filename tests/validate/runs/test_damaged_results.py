@@ -12,7 +12,7 @@ from pss import RangeError
 from pss.files import open_plain, read_toml
 from pss.surrogates import Mesh
 from render.store.folder import StoreError
-from tests.project.test_json_text import strict
+from tests.helpers.strict_json import strict
 from validate.commands.run import _of_last_run
 from validate.pages.columns import Columns, check_counts, whole_number
 from validate.run_sweep import main

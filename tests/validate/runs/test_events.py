@@ -13,7 +13,7 @@ import validate.acquire.acquire as acquiring
 import validate.commands.run
 from pss import RangeError
 from render.store.folder import Store, StoreError
-from tests.validate.store.test_store_views import ZOOMS, NoiseRenderer, wanted  # noqa: F401 (a fixture)
+from tests.helpers.stored_views import ZOOMS, NoiseRenderer
 from validate import run_sweep
 from validate.acquire.acquire import Acquired, acquire
 from validate.acquire.messages import RunMessages
@@ -36,7 +36,7 @@ def events(folder):
     return found
 
 
-def go(wanted, folder, out):  # noqa: F811
+def go(wanted, folder, out):
     """A run with events, over the store in `folder`; gives what it acquired."""
     with RunMessages(quiet=True) as messages:
         messages.start(out, "test")
@@ -56,7 +56,7 @@ class FailsAtTheSecond(NoiseRenderer):
         return super().render(request)
 
 
-def test_the_events_of_a_run_with_a_failed_view_and_of_the_one_that_goes_on(wanted, tmp_path, monkeypatch):  # noqa: F811
+def test_the_events_of_a_run_with_a_failed_view_and_of_the_one_that_goes_on(wanted, tmp_path, monkeypatch):
     """Each view's story is told once, counts end at their total, and the second run adds to the first's file."""
     monkeypatch.setattr(acquiring, "Renderer", FailsAtTheSecond)
     go(wanted, tmp_path, tmp_path / "out")
@@ -131,7 +131,7 @@ def test_a_full_disk_leaves_events_out_and_not_the_run(tmp_path, monkeypatch):
     assert EVENTS in warning
 
 
-def test_a_folder_that_takes_no_events_does_not_end_the_run(wanted, tmp_path, capsys):  # noqa: F811
+def test_a_folder_that_takes_no_events_does_not_end_the_run(wanted, tmp_path, capsys):
     """Here a folder has the file's name."""
     (tmp_path / "out" / EVENTS).mkdir(parents=True)
     acquired = go(wanted, tmp_path, tmp_path / "out")

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from pss import RangeError
-from tests.project.test_architecture import PACKAGES, modules
-from tests.validate.comparison.test_side_by_side import a_run
+from tests.helpers.few_rows import a_run
+from tests.helpers.sources import PACKAGES, modules
 from validate.commands.overview import COMMANDS
 from validate.comparison.page import html_of
 from validate.comparison.sides import sides_of

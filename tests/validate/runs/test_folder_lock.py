@@ -9,7 +9,7 @@ from multiprocessing import get_context
 import pytest
 
 from render.store.folder import StoreError
-from tests.validate.comparison.test_side_by_side import a_run
+from tests.helpers.few_rows import a_run
 from validate.acquire.messages import RunMessages
 from validate.run_sweep import main
 from validate.runs import folder_lock

@@ -14,10 +14,10 @@ import pytest
 from matplotlib.text import Text
 from rich.table import Table
 
+from tests.helpers.closet import SCENE, SELECTION, SWEEP
 from tests.helpers.layout_of_words import drawable
 from tests.helpers.made_up_run import made_up_run
-from tests.validate.pages.test_report import Page
-from tests.validate.sweeps.test_sweep_run import SCENE, SELECTION, SWEEP
+from tests.helpers.pages import Page
 from validate.commands import compare as comparison
 from validate.comparison.page import html_of
 from validate.comparison.sides import sides_of

@@ -14,22 +14,19 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from pss import Appearance, RangeError, evaluate
-from pss.cameras.views import Views
+from pss import RangeError, evaluate
 from pss.noise import Calibration
 from pss.processes.process import ConstantVelocity, RandomWalk
 from pss.riccati.solve import steady_state_covariance_from_information
-from pss.visibility.points import visible_in
-from pss.visibility.targets import TARGET_VISIBILITY
 from render.keys import state_key
 from render.store.folder import StoreError
 from scenes import SceneError, load_scene
 from scenes.steps.schedule_file import SURROGATES, load_schedule
+from tests.helpers.drawn_pixels import LIMITS, TRIALS, acquired_of, appearance, levels_at
 from validate.acquire.acquire import Acquired
 from validate.bank.judge import PHYSICAL_WHOLE
 from validate.commands import schedule as command
 from validate.commands.schedule import own_strategy
-from validate.markers.view_measurement import ViewMeasurement
 from validate.schedule.agreement import ALL_RUNS, agreement_rows
 from validate.schedule.claims import claim_rows
 from validate.schedule.held import assess_held, design_of, training_levels
@@ -43,9 +40,6 @@ from validate.schedule.stage import BOTH, stage_of
 from validate.schedule.strategy_ranking import ranking_rows, strategy_rows, yardsticks
 from validate.schedule.training import calibrate_hallway, training_views
 
-TRIALS = 12
-# A typical error of a marker of a single frame.
-SIGMA_M = 5e-5
 # Of the median over steps and runs, with twelve trials a marker: 1/√(2·36) for each σ, averaged over tens of markers,
 # and what triangulation loses near parallel rays.
 CLOSE_LOG_RATIO = 0.1
@@ -65,45 +59,6 @@ SHARED_COLUMNS = (  # noqa: SIM905
     "predicted_rms_m measured_rms_m measured_rms_ci_low_m measured_rms_ci_high_m measured_rms_opencv_m "
     "measured_prior_rms_m measured_posterior_rms_m share_under_5mm noise_share"
 ).split()
-
-
-def appearance(scene):
-    """Markers under the same light everywhere."""
-    modules = np.array([marker.module_m for marker in scene.state.markers])
-    along = np.array([marker.right for marker in scene.state.markers])
-    return Appearance(modules, 0.08, 0.004, along)
-
-
-def drawn(scene, cameras, rng, trials=TRIALS, noise=1.0):
-    """Detections of each camera, with the physical model's noise, of the markers in view as a whole."""
-    state, look = scene.state, appearance(scene)
-    views = Views(list(cameras), state.points_m, state.normals, look)
-    (physical,) = (model for model in scene.noise_models if model.name == "physical")
-    with np.errstate(all="ignore"):
-        covariance = physical.of_views(views).matrix(len(cameras), len(state.points_m))
-    visible = visible_in(views, state.occluders, TARGET_VISIBILITY)
-    found = []
-    for number, camera in enumerate(cameras):
-        pixels = np.full((trials, len(state.points_m), 2), np.nan)
-        own = np.full((trials, len(state.points_m), 2, 2), np.nan)
-        seen = np.flatnonzero(visible[number])
-        root = np.linalg.cholesky(covariance[number, seen])
-        errors = (root @ rng.standard_normal((trials, len(seen), 2, 1)))[..., 0]
-        pixels[:, seen] = camera.project(state.points_m[seen])[0] + noise * errors
-        own[:, seen] = covariance[number, seen]
-        found.append(ViewMeasurement(pixels, own, 0, 0.0))
-    return found
-
-
-def acquired_of(places, seed=3, noise=1.0):
-    """What `acquire` would bring, of (scene, acquisitions) pairs."""
-    rng, found = np.random.default_rng(seed), Acquired()
-    for scene, wanted in places:
-        found.appearances[state_key(scene.state)] = appearance(scene)
-        for item in wanted:
-            if item not in found.measured:
-                (found.measured[item],) = drawn(scene, [item.request.camera], rng, noise=noise)
-    return found
 
 
 @pytest.fixture(scope="module")
@@ -139,11 +94,6 @@ def acquired(schedule, stage, design):
 @pytest.fixture(scope="module")
 def calibration(acquired):
     return calibrate_hallway(*acquired)
-
-
-def levels_at(stage, sigma_m=SIGMA_M):
-    """Levels of process noise as if training views had this error."""
-    return levels_of_walk([SimpleNamespace(single_frame_sigma_m=np.array([sigma_m]))], stage.scene.process)
 
 
 @pytest.fixture(scope="module")
@@ -364,9 +314,6 @@ def test_any_surrogate_can_be_asked_for(surrogate):
     if surrogate == "markers":
         # The same points: what differs is that each bears the median marker here.
         assert of_surrogate == pytest.approx(of_markers, rel=0.2)
-
-
-LIMITS = {"smallest_module_px": 1.5, "largest_blur_modules": 2.0}
 
 
 def test_rho_stands_beside_that_of_a_count(both):

@@ -17,7 +17,7 @@ from scenes import load_scene
 from scenes.steps.schedule_file import load_schedule
 from tests.helpers.layout_of_words import assert_words_are_legible
 from tests.helpers.made_up_schedule import STEPS, made_up_schedule
-from tests.validate.pages.test_report import SAME_DIGITS, Page
+from tests.helpers.pages import SAME_DIGITS, Page
 from validate.commands.report import remade
 from validate.pages.bodies import coarse
 from validate.pages.data import KINDS

@@ -15,40 +15,12 @@ import numpy as np
 import pytest
 
 from render.store.atomic import ABANDONED_S
-from render.store.folder import Store
-from tests.validate.sweeps.test_sweep_run import ALONE, DETERMINED, SCENE
-from validate.commands.store_upkeep import check, stored_files
+from tests.helpers.closet import DETERMINED
+from tests.helpers.whole_files import check_all_whole, tables, temporary_files, uninterrupted, with_sweep
 
 # Of the campaign: at random moments, and at steps between two things done to files, where nothing else would be hit.
 MOMENTS, STEPS = 30, 20
 SEED = 2026
-
-
-def with_sweep(folder):
-    """The folder, with the closet and its smallest sweep in it."""
-    folder.mkdir(exist_ok=True)
-    for name, text in (("closet", SCENE), ("alone", ALONE)):
-        (folder / f"{name}.toml").write_text(text)
-    return folder
-
-
-def tables(folder):
-    """The tables that a run left, but for its seconds."""
-    return {name: (folder / name).read_bytes() for name in DETERMINED if (folder / name).exists()}
-
-
-def temporary_files(folder):
-    """What is begun and not finished, in store and results."""
-    return [path for path in folder.rglob(".*") if path.is_file()]
-
-
-def uninterrupted(runs, folder, workers):
-    """The tables of a run that nobody kills, its seconds and the number of its steps with files."""
-    begin = time.monotonic()
-    code, said = runs.run(with_sweep(folder), workers=workers)
-    assert code == 0, said
-    assert not temporary_files(folder)
-    return tables(folder / "out"), time.monotonic() - begin, int((folder / "steps").read_text())
 
 
 def killed(runs, folder, workers, after_s=None, at_step=0):
@@ -63,16 +35,6 @@ def killed(runs, folder, workers, after_s=None, at_step=0):
     code, said = runs.run(with_sweep(folder), workers=workers, killed_at=at_step, during=during)
     assert code == -signal.SIGKILL or (code == 0 and not at_step), said
     return len(temporary_files(folder))
-
-
-def check_all_whole(folder, expected):
-    """Whatever a killed run left under its own name is whole."""
-    for name, content in tables(folder / "out").items():
-        assert content == expected[name], name
-    store = Store(folder / "store")
-    for stored in stored_files(store.folder):
-        assert check(store, stored), stored.path
-    assert not (store.folder / "damaged").exists()
 
 
 def check_resumed(runs, folder, expected, workers):

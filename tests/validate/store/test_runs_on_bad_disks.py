@@ -8,7 +8,7 @@ import time
 import pytest
 
 from tests.helpers.disks import remounted, small_file_system
-from tests.validate.store.test_killed import check_all_whole, tables, temporary_files, uninterrupted, with_sweep
+from tests.helpers.whole_files import check_all_whole, tables, temporary_files, uninterrupted, with_sweep
 
 # Room for the light and for one of two views of 250 kB each; and for all.
 TOO_SMALL, ENOUGH = "520k", "4m"

@@ -13,9 +13,9 @@ import pytest
 
 from render.store import locks
 from render.store.locks import in_turn
+from tests.helpers.closet import DETERMINED, SWEEP
 from tests.helpers.drawn_sweep import Runs
-from tests.validate.store.test_killed import check_all_whole, tables, temporary_files, with_sweep
-from tests.validate.sweeps.test_sweep_run import DETERMINED, SWEEP
+from tests.helpers.whole_files import check_all_whole, tables, temporary_files, with_sweep
 
 # s, that each view takes: the second of two runs that start within a second of each other finds the first at work.
 DRAWING_S = 0.3

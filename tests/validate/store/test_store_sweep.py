@@ -7,8 +7,8 @@ import shutil
 
 import pytest
 
-from tests.validate.store.test_store_views import WAYS, damaged, stored
-from tests.validate.sweeps.test_sweep_run import ALONE, DETERMINED, SCENE
+from tests.helpers.closet import ALONE, DETERMINED, SCENE
+from tests.helpers.stored_views import WAYS, damaged, stored
 from validate.run_sweep import main
 
 pytestmark = [pytest.mark.render, pytest.mark.acceptance]

@@ -12,91 +12,20 @@ import os
 import shutil
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 import render.store.light as lighting
-import validate.acquire.acquire as acquiring
 from pss import PTZCamera
 from render.files.exr import write_view
 from render.keys import state_key
-from render.random_streams import random_stream
 from render.store.folder import Store, StoreError
-from render.store.locks import RESERVATIONS
 from render.store.views import DamagedViewError, certificate_of, load_view, save_view, stored_view
-from render.world.state import Light, Marker, Panel
-from tests.helpers.views import an_awkward_view
-from validate.acquire.acquire import Acquisition, acquire, with_whole_views
+from render.world.state import Light
+from tests.helpers.stored_views import REQUEST, VIEW, WAYS, ZOOMS, NoiseRenderer, damaged, no_progress, stored
+from validate.acquire.acquire import acquire, with_whole_views
 from validate.acquire.queue import WorkerQueue
-from validate.runs.progress import ViewProgress
-
-REQUEST, VIEW = an_awkward_view()
-# Of the camera: enough views that some are whole while one is damaged.
-ZOOMS = (1.5, 2.0, 3.0)
-MARKER = Marker(5, "board", (0.0, 0.0, 1.3), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), 0.02)
-WAYS = ("cut", "flipped", "emptied")
-
-
-def no_progress(total):
-    """Progress that says nothing."""
-    return ViewProgress(total, Console(quiet=True))
-
-
-class QueueOfThisProcess:
-    """A `WorkerQueue` without workers."""
-
-    def __init__(self, workers, most_waiting, done):
-        self._done = done
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *error):
-        return None
-
-    def submit(self, item, function, *arguments):
-        """Make the call at once."""
-        try:
-            result, error = function(*arguments), None
-        except Exception as raised:
-            result, error = None, raised
-        self._done(item, result, error)
-
-    def drain(self, between=lambda: None):
-        """Nothing is under way."""
-
-
-class NoiseRenderer:
-    """Renders a view's own noise."""
-
-    rendered: ClassVar[list[str]] = []
-
-    def __init__(self, state, meshes, chosen):
-        assert meshes is not None
-
-    def render(self, request):
-        """The same request gives the same view."""
-        self.rendered.append(request.key)
-        rng = random_stream(0, request.key, "noise")
-        radiance = rng.lognormal(-5, 1, VIEW.radiance.shape).astype(np.float32)
-        return dataclasses.replace(VIEW, key=request.key, camera=request.camera, radiance=radiance)
-
-
-@pytest.fixture
-def wanted(monkeypatch):
-    """Views of one camera at three zooms, in a room with a lamp and a marker; made by the stand-ins."""
-    monkeypatch.setattr(acquiring, "Renderer", NoiseRenderer)
-    monkeypatch.setattr(acquiring, "WorkerQueue", QueueOfThisProcess)
-    NoiseRenderer.rendered = []
-    state = dataclasses.replace(REQUEST.state, light=Light(0.2, (Panel((0.0, 0.0), (0.6, 0.6)),)), markers=(MARKER,))
-    requests = [
-        dataclasses.replace(REQUEST, state=state, camera=dataclasses.replace(REQUEST.camera, zoom=zoom))
-        for zoom in ZOOMS
-    ]
-    return [Acquisition(request, 1, 2) for request in requests]
 
 
 def made(wanted, store):
@@ -114,19 +43,6 @@ def result_of(acquired):
         {key: np.asarray(look.white_w_per_m2_sr).tobytes() for key, look in acquired.appearances.items()},
         acquired.failed,
     )
-
-
-def damaged(data, way):
-    """Bytes cut, with one bit turned, or none."""
-    middle = len(data) // 2
-    turned = data[:middle] + bytes([data[middle] ^ 4]) + data[middle + 1 :]
-    return {"cut": data[:middle], "flipped": turned, "emptied": b""}[way]
-
-
-def stored(folder):
-    """All files of a store but those set aside, and the one that is always empty."""
-    files = (path for path in folder.rglob("*") if path.is_file() and "damaged" not in path.parts)
-    return sorted(path for path in files if path.name != RESERVATIONS)
 
 
 @pytest.mark.parametrize("way", WAYS)

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from pss import RangeError
+from tests.helpers.closet import SCENE, SWEEP
 from tests.helpers.made_up_run import made_up_run
-from tests.validate.sweeps.test_sweep_run import SCENE, SWEEP
 from validate.acquire.messages import RunMessages
 from validate.bank.design import BankDesign
 from validate.commands.run import Options, execute

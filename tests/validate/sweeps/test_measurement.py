@@ -16,10 +16,10 @@ from rich.console import Console
 
 from scenes import SceneError, load_scene
 from scenes.steps.measurement import SEED, TRIALS, measurement_of
+from tests.helpers.closet import SCENE, SELECTION, SWEEP
 from tests.helpers.made_up_run import PIXEL_NOISE_PX, made_up_run
+from tests.helpers.pages import Page
 from tests.helpers.predicted_result import predicted_result
-from tests.validate.pages.test_report import Page
-from tests.validate.sweeps.test_sweep_run import SCENE, SELECTION, SWEEP
 from validate.commands import measure
 from validate.commands.report import of_results
 from validate.commands.run import Options

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.helpers import made_up_run as made_up
-from tests.validate.sweeps.test_sweep_run import SCENE, SWEEP
+from tests.helpers.closet import SCENE, SWEEP
 from validate.pages.curves import curves_figure
 from validate.pages.data import KINDS, read_sweeps
 from validate.pages.sentences import in_words, verdicts

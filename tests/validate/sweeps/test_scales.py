@@ -10,8 +10,8 @@ import scipy.stats
 
 from pss import Appearance, RandomWalk, evaluate, noise_model
 from pss.visibility.targets import TARGET_VISIBILITY
+from tests.helpers.closet import SCENE, SWEEP
 from tests.helpers.made_up_run import made_up_run
-from tests.validate.sweeps.test_sweep_run import SCENE, SWEEP
 from validate.points.configuration import predict
 from validate.prediction.weights import scaled
 from validate.sweeps.correlation import correlation_rows

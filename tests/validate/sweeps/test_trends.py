@@ -14,8 +14,8 @@ import pytest
 from rich.console import Console
 
 from scenes import load_scene, load_sweep
+from tests.helpers.closet import RISING, SCENE
 from tests.helpers.made_up_run import made_up_run
-from tests.validate.sweeps.test_sweep_run import SCENE, SWEEP
 from validate.pages.curves import curves_figure
 from validate.pages.data import KINDS, read_sweeps
 from validate.pages.sentences import in_words, verdicts
@@ -42,10 +42,6 @@ values = [2.0, 3.0, 4.0]
 [vary.set]
 "sensor.exposure_ms" = [2.0, 3.0, 4.0]
 """
-RISING = SWEEP.replace("trials = 4", "trials = 12").replace(
-    'cameras = ["west", "east"]', 'cameras = ["west", "middle", "east"]'
-)
-RISING = RISING.replace("[1.5, 2.0, 3.0]", "[1.0, 1.5, 2.0]")
 SCENES = Path(__file__).parents[3] / "scenes"
 LABELS = ("1.4", "2", "4", "16")
 

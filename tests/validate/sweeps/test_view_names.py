@@ -9,7 +9,7 @@ import pytest
 from render.lens.sampling import Sampling
 from render.store.folder import Store, StoreError
 from scenes import load_scene, load_sweep
-from tests.validate.sweeps.test_sweep_run import SCENE, SWEEP
+from tests.helpers.closet import SCENE, SWEEP
 from validate.acquire.view_names import view_name
 from validate.pages.stored import stored_measurements
 from validate.sweeps.step_names import names_in_steps

@@ -14,7 +14,7 @@ from render.random_streams import random_stream
 from render.store.folder import Store
 from scenes import load_scene
 from scenes.steps.schedule_file import load_schedule
-from tests.validate.schedule.test_hallway_study import LIMITS, acquired_of
+from tests.helpers.drawn_pixels import LIMITS, acquired_of
 from validate.schedule.stage import stage_of, stance_in
 from validate.tracked_walk import files
 from validate.tracked_walk.files import torso_trajectories, write_real_walk
