@@ -1,6 +1,6 @@
-"""How targets look: the radiance of their white and black modules, their size, and how they move.
+"""The targets' appearance: their size, the radiance of their white and black modules, and their motion.
 
-Nothing of a camera is in it: the same appearance is seen by all cameras.
+It is independent of the camera: all cameras use the same appearance.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ __all__ = ["Appearance"]
 
 @dataclass(frozen=True, eq=False)
 class Appearance:
-    """How the targets at N points look: square tags of black and white modules.
+    """The appearance of the targets at N points: square tags of black and white modules.
 
-    Radiances are those that leave the target (of a diffuse one: albedo · irradiance / π), from the scene alone and
-    never from an image of it.
+    Radiances are those emitted by the target (if diffuse: albedo · irradiance / π). They come from the scene
+    description, never from an image.
 
     Attributes:
         module_m: m, side of a module; a number or (N,).
         white_w_per_m2_sr: W/(m² sr), radiance of the white modules; a number or (N,).
-        black_w_per_m2_sr: W/(m² sr), of the black ones.
-        along: unit vectors along one side of the tag, (N, 3); None takes a horizontal one in the surface.
+        black_w_per_m2_sr: W/(m² sr), radiance of the black modules; a number or (N,).
+        along: unit vectors along one side of the tag, (N, 3); None for a horizontal one in the surface.
         modules: modules along a side of the tag, its border counted (ArUco 4 × 4: 6).
-        ring_light: the light is at each camera, and its own alone: the radiances are those of a target that faces it at
-            1 m; at D and α the camera sees cos α/D² of them.
-        velocity_m_per_s: m/s in the world, of each target at the middle of the exposure, (N, 3); None: all at rest.
-            It blurs what is seen during the sensor's exposure.
+        ring_light: each camera has its own light, which is the only one in its images. The radiances are those of a
+            target facing the camera at 1 m; at distance D and incidence angle α they are multiplied by cos α/D².
+        velocity_m_per_s: m/s in the world, of each target at the middle of the exposure, (N, 3); None: all at rest. It
+            causes motion blur during the sensor's exposure.
 
     Raises:
-        RangeError: a size that is not above 0, black that is not darker than white, a velocity that is not finite.
+        RangeError: a size not above 0, black not darker than white, a velocity that is not finite.
         ShapeError: arrays of different lengths.
     """
 
@@ -84,7 +84,8 @@ class Appearance:
     def sides_m(self, normals: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """m, a module's two sides in the world, (N, 3) each, on surfaces with unit `normals` (N, 3)."""
         if self.along is None:
-            # Any direction in the surface would do; a horizontal one, and x where the surface itself is horizontal.
+            # Any direction in the surface would do: take a horizontal one, and x where the surface itself is
+            # horizontal.
             along = np.column_stack([-normals[:, 1], normals[:, 0], np.zeros(len(normals))])
             flat = np.hypot(normals[:, 0], normals[:, 1]) < 1e-9
             along[flat] = (1.0, 0.0, 0.0)
@@ -105,7 +106,7 @@ class Appearance:
                 )
 
     def at(self, rows: slice | NDArray[np.intp]) -> Appearance:
-        """The appearance of some of the points."""
+        """The appearance of the points in `rows`."""
 
         def part(value: ArrayLike | None) -> ArrayLike | None:
             return value if value is None or np.ndim(value) == 0 else np.asarray(value)[rows]

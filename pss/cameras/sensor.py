@@ -1,7 +1,7 @@
-"""The image sensor: how many electrons a radiance makes, and how noisy they are.
+"""The image sensor: the electrons that a radiance yields, and their noise.
 
-The image sensor exists once: rendering draws its noise from it, and the noise factor of brightness and contrast
-predicts with it.
+Rendering and prediction use the same sensor: the first draws its noise from it, the second takes the variance of the
+brightness and contrast factor.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ __all__ = ["ImageSensor", "electrons_per_radiance"]
 
 PLANCK_TIMES_LIGHT_SPEED_J_M = 6.62607015e-34 * 299_792_458.0
 
-# Beyond it, a Gaussian spread of the pixels' response would reach below no response at all.
+# Above it, a Gaussian spread of the pixels' response would extend to negative responses.
 LARGEST_PRNU_SHARE = 0.2
 
 
 @dataclass(frozen=True)
 class ImageSensor:
-    """A monochrome image sensor with its exposure. The defaults are an indoor PTZ camera's in dim light.
+    """A monochrome image sensor with its exposure. The defaults are those of an indoor PTZ camera in dim light.
 
     The quantities are those of EMVA 1288; `render.sensor` has the stages from photons to digital numbers.
 
@@ -35,13 +35,13 @@ class ImageSensor:
         exposure_ms: ms.
         full_well_e: electrons at which a pixel saturates.
         read_noise_e: electrons (σ) of dark noise at each read-out.
-        bits: of the converter.
-        black_level_dn: digital numbers at no light, so that the noise in the dark is not cut off.
+        bits: resolution of the analogue-to-digital converter.
+        black_level_dn: digital numbers without light, so that noise in the dark is not clipped.
         dark_current_e_per_s: electrons per second, the mean that a pixel collects without light (μ_I).
         prnu_share: σ of the pixels' photo response over its mean (PRNU), no unit: 0.01 is 1 %.
         dsnu_e: electrons (σ), spread of the pixels' dark offsets (DSNU).
-        system_gain_dn_per_e: digital numbers per electron (K); None: the full well fills the converter's range above
-            the black level, as at a camera's gain of 0 dB. A larger one lets the converter saturate first.
+        system_gain_dn_per_e: digital numbers per electron (K). None: the full well fills the converter's range above
+            the black level, as at a camera's gain of 0 dB. With a larger gain the converter saturates first.
     """
 
     wavelength_nm: float = 550.0
@@ -86,19 +86,19 @@ class ImageSensor:
 
     @property
     def saturation_e(self) -> float:
-        """Electrons, signal and dark current, beyond which nothing is told apart: full well or converter's end."""
+        """Electrons, signal plus dark current, at which a pixel saturates: the full well or the converter's end."""
         if self.system_gain_dn_per_e is None:
             return self.full_well_e
         return min(self.full_well_e, (self.largest_dn - self.black_level_dn) * self.gain_e_per_dn)
 
     @property
     def dark_signal_e(self) -> float:
-        """Electrons, the mean that the dark current leaves in one exposure."""
+        """Electrons, the mean dark signal of one exposure."""
         return self.dark_current_e_per_s * self.exposure_ms * 1e-3
 
     @property
     def dark_noise_e(self) -> float:
-        """Electrons (σ), temporal noise of one exposure in the dark (σ_d): read noise and the dark current's shot."""
+        """Electrons (σ), temporal noise of one exposure in the dark (σ_d): read noise and dark current's shot noise."""
         return math.sqrt(self.read_noise_e**2 + self.dark_signal_e)
 
     @property
@@ -109,7 +109,7 @@ class ImageSensor:
     def noise_electrons(self, electrons: AnyFloats) -> AnyFloats:
         """Electrons (σ), temporal noise of one capture at a mean of `electrons` photoelectrons (any shape).
 
-        Shot noise of signal and dark current, read-out, quantisation; what saturation takes away is not in it.
+        Shot noise of signal and dark current, read noise and quantisation; saturation is not taken into account.
         """
         quantisation = self.gain_e_per_dn**2 / 12
         collected = np.maximum(electrons, 0) + self.dark_signal_e
@@ -119,8 +119,8 @@ class ImageSensor:
 def electrons_per_radiance(camera: CameraModel, sensor: ImageSensor) -> float:
     """Electrons per W/(m² sr) that a pixel in the middle of the image collects.
 
-    The irradiance behind the lens is L (π/4) (a/v)²: exact in the aperture and the image distance, so that focusing
-    near (a longer v) darkens the image as it does in a camera. Off the axis cos⁴ θ comes in addition.
+    The irradiance behind the lens is L (π/4) (a/v)², exact in the aperture and the image distance: focusing near
+    (a longer v) darkens the image, as in a real camera. Off the axis, multiply by cos⁴ θ.
     """
     steradians = math.pi / 4 * (camera.aperture_diameter_m / camera.image_distance_m) ** 2
     joules = steradians * camera.pixel_pitch_m**2 * sensor.exposure_ms * 1e-3

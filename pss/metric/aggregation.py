@@ -1,6 +1,6 @@
-"""From σ∞ at each point to one number (section 3.3): norms, weights, objects, and what unobservable points count.
+"""From σ∞ at each point to one number (section 3.3): norms, weights, objects, and the treatment of unobservable points.
 
-Eq. 10 is `Aggregation()`: the mean of 1/σ∞ over all points, to which unobservable ones add nothing.
+Eq. 10 is `Aggregation()`: the mean of 1/σ∞ over all points, where unobservable ones contribute 0.
 """
 
 from __future__ import annotations
@@ -27,22 +27,22 @@ Across = Literal["points", "mean", "worst"]
 
 @dataclass(frozen=True, eq=False)
 class Aggregation:
-    """One number from N points' σ.
+    """One number from σ at N points.
 
     Attributes:
         norm: "inverse", the mean of 1/σ (Eq. 10; higher is better); or of σ itself, lower is better: "1", the mean;
             "2", the root of the mean square; "inf", the largest.
-        weights: of the points, 0 or more, (N,); None weighs all alike. "inf" leaves out those of weight 0.
-        objects: label of each point's object, (N,); None takes all points as one object.
-        priorities: weight of each object, by label, times which its points or its number count; 1 where not named.
-        across: "points" pools all points; "mean" takes the mean of the objects' numbers, so that an object of many
-            points counts no more than one of few; "worst" takes the worst object's number.
-        unobservable: "ignore" leaves them out of sums over σ, and adds nothing for them to the sum of 1/σ (while they
-            still count among the points, as in Eq. 10); "drop" leaves them out of the count too; a number or (N,) is
-            the σ, in metres, that they are given: the size of the environment, the previous value, a heuristic bound.
+        weights: of the points, 0 or more, (N,); None weights all equally. "inf" ignores points of weight 0.
+        objects: label of each point's object, (N,); None treats all points as one object.
+        priorities: weight by object label, which multiplies the weights of its points or of its number; 1 if not named.
+        across: "points" pools all points; "mean" is the mean of the objects' numbers, whatever their counts of points;
+            "worst" is the worst object's number.
+        unobservable: "ignore" excludes them from sums over σ, and from the sum of 1/σ, while they still count in its
+            denominator, as in Eq. 10; "drop" excludes them from the denominator too; a number or (N,) in metres is
+            their σ: the size of the environment, the previous value, or a heuristic bound.
 
     Raises:
-        RangeError: an unknown norm or option, negative weights, an object in `priorities` that no point has.
+        RangeError: an unknown norm or option, negative weights, or an object in `priorities` that no point belongs to.
         ShapeError: arrays of another length than the points.
     """
 
@@ -82,17 +82,22 @@ class Aggregation:
 
     @property
     def higher_is_better(self) -> bool:
-        """Which way configurations get better."""
+        """Whether higher numbers are better."""
         return self.norm == "inverse"
 
     def of_objects(self, sigma_m: ArrayLike) -> dict[str, float]:
-        """The number of each object by itself, of σ in metres (N,), nan where unobservable; priorities play no part."""
+        """Number of each object on its own, from σ in metres (N,), nan where unobservable; priorities are ignored."""
         sigma, weights, names = self._checked(sigma_m)
         own = {label: names == label for label in dict.fromkeys(names.tolist())}
         return {label: self._number(sigma[mask], weights[mask]) for label, mask in own.items()}
 
     def __call__(self, sigma_m: ArrayLike) -> float:
-        """The number: 1/m for "inverse", else m; of σ in metres, (N,), nan where unobservable."""
+        """The number, in 1/m for "inverse", else in m, from σ in metres (N,), nan where unobservable.
+
+        Raises:
+            RangeError: σ not above 0, or no object with a priority above 0.
+            ShapeError: arrays of another length than the points.
+        """
         sigma, weights, names = self._checked(sigma_m)
         priorities = self.priorities or {}
         if self.across == "points":
@@ -138,19 +143,22 @@ class Aggregation:
 
 
 def environment_size_m(lowest_m: ArrayLike, highest_m: ArrayLike) -> float:
-    """Metres, the diagonal of the environment's box between two corners (3,): the paper's bound at unobservable points.
+    """Metres, the diagonal of the box between two corners (3,): the paper's bound at unobservable points (section 3.3).
 
     Raises:
-        RangeError: a corner that is not below the other.
+        RangeError: a corner is not below the other.
     """
     sides = _sides(lowest_m, highest_m)
     return float(np.linalg.norm(sides))
 
 
 def grown_from_previous(previous_sigma_m: ArrayLike, process: RandomWalk, frames: int) -> Floats:
-    """Metres, σ at points that were resolved to `previous_sigma_m` (N,) and have moved unseen since, for some frames.
+    """Metres, (N,): σ of points resolved to `previous_sigma_m` (N,) that were unobservable for `frames` frames since.
 
-    A random walk adds its step's variance with each frame; nan stays nan.
+    A random walk adds its step's variance in each frame; nan stays nan.
+
+    Raises:
+        RangeError: `frames` is negative.
     """
     if frames < 0:
         raise RangeError(f"frames = {frames!r}; allowed: 0 or more")
@@ -158,14 +166,18 @@ def grown_from_previous(previous_sigma_m: ArrayLike, process: RandomWalk, frames
 
 
 def bounded_by_volume(evaluation: Evaluation, lowest_m: ArrayLike, highest_m: ArrayLike) -> Floats:
-    """Metres, σ∞ where a point is observable, elsewhere √λmax of what is known if it lies in a box, (N,).
+    """Metres, (N,): σ∞ of observable points; elsewhere √λmax of the information plus that of lying in a box.
 
-    Being anywhere in a box of sides s is a variance of s²/12 along each. What one camera sees of a point adds to
-    that, so that a point seen once is bounded along the ray alone.
+    A uniform distribution in a box of sides s has a variance of s²/12 along each. The information of a single camera
+    adds to it, so that a point seen once is bounded by the box along the ray only.
 
     Args:
         evaluation: of N points.
         lowest_m, highest_m: m, corners of the box, (3,) for all points or (N, 3).
+
+    Raises:
+        RangeError: a corner is not below the other.
+        ShapeError: corners of another shape.
     """
     sides = np.broadcast_to(_sides(lowest_m, highest_m), (len(evaluation.sigma_m), 3))
     known = evaluation.information[:, :3, :3] + (12 / sides**2)[:, :, None] * np.eye(3)
@@ -174,16 +186,19 @@ def bounded_by_volume(evaluation: Evaluation, lowest_m: ArrayLike, highest_m: Ar
 
 
 def cover_all(sigma_m: ArrayLike, objects: ArrayLike, share: float = 1.0) -> float:
-    """A number that puts coverage first: objects covered, then their mean inverse σ. Higher is better.
+    """A score that ranks by coverage first, then by mean inverse σ; no unit. Higher is better.
 
-    An object is covered if at least `share` of its points are observable. The whole part of the number is how many
-    objects are, and what comes after the point grows with the worst object's mean of 1/σ (m⁻¹, Eq. 10): between
-    configurations that cover as many, the better one wins, and no gain anywhere outweighs the loss of an object.
+    An object is covered if at least `share` of its points are observable. The integer part is the number of covered
+    objects; the fraction grows with the worst object's mean of 1/σ (m⁻¹, Eq. 10). Between configurations that cover
+    equally many objects the more precise one wins, and no gain in precision outweighs the loss of an object.
 
     Args:
         sigma_m: m, (N,), nan where unobservable.
         objects: label of each point's object, (N,).
-        share: of an object's points that make it covered, above 0, at most 1.
+        share: share of an object's points that must be observable, above 0, at most 1.
+
+    Raises:
+        RangeError: a share out of range.
     """
     if not 0 < share <= 1:
         raise RangeError(f"share = {share!r}; allowed: above 0, at most 1")

@@ -33,13 +33,13 @@ __all__ = ["evaluate", "evaluate_many"]
 # A unit normal read from a file with seven digits is off by less.
 NORMAL_LENGTH_TOLERANCE = 1e-6
 DEFAULT_PROCESS = RandomWalk()
-# What tells a camera from another thing.
+# The attribute that identifies a camera.
 CAMERA = "focal_px"
-# Camera–point pairs at once: large enough to hide Python, small enough for the arrays of a step to stay in the cache.
+# Camera–point pairs at once: enough to hide Python's overhead, few enough for the arrays to stay in the cache.
 PAIRS_AT_ONCE = 16384
-# Points at once even for thousands of cameras.
+# Points at once even with thousands of cameras.
 SHORTEST_RUN = 128
-# Numbers kept of all cameras for the points at hand, before they are summed into configurations.
+# Largest number of values kept for the current points, of all cameras, before summing them into configurations.
 MOST_NUMBERS_KEPT = 2e7
 
 
@@ -59,21 +59,22 @@ def evaluate(
     """Evaluate the PSS metric of one configuration (Eqs. 4–10).
 
     Args:
+        cameras: the configuration, C of them.
         points_m: m, points of interest, (N, 3).
         normals: unit outward normals of the surface at the points, (N, 3).
         noise: model of R_k, or its name.
         process: model of A and Q, or one for each point; a random walk of 1 mm a frame if None.
         occluder: shapes that block lines of sight.
-        appearance: how the targets look, for a noise model that asks for it ("physical").
-        sensors: other modalities, whose measurements join the cameras' batch.
-        visibility: the tests that a point must pass to be seen by a camera.
-        detection: the probability with which a camera finds what it sees (`pss.detection_model`). PSS, C and P∞ then
-            count which cameras find a point (`pss.visibility.expected`), and the default of `visibility` is the whole
-            target. If None, what is seen is found.
+        appearance: the targets' size and brightness, for a noise model that needs it ("physical").
+        sensors: other modalities, whose measurements are added to those of the cameras.
+        visibility: tests that a point must pass to be visible to a camera.
+        detection: probability with which a camera finds a visible point (`pss.detection_model`). PSS, C and P∞ are then
+            expectations over which cameras find a point (`pss.visibility.expected`), and the default of `visibility` is
+            the whole target. If None, every visible point is found.
 
     Raises:
         ShapeError, RangeError: wrong shapes, values or normals; a noise model's R that is not positive definite.
-        RiccatiError: the process model has no steady state, however well its position is measured.
+        RiccatiError: the process model has no steady state, however precisely its position is measured.
     """
     return evaluate_many(
         [members(cameras, "cameras", CAMERA, "cameras")],
@@ -102,7 +103,7 @@ def evaluate_many(
     visibility: Sequence[VisibilityTest] = VISIBILITY_TESTS,
     detection: DetectionModel | None = None,
 ) -> Evaluations:
-    """Evaluate K configurations, lists of cameras, at the same points; cameras that several share are looked at once.
+    """Evaluate K configurations at the same points, each a list of cameras; shared cameras are computed once.
 
     Arguments and errors are those of `evaluate`.
     """
@@ -127,22 +128,22 @@ def evaluate_many(
         appearance,
         members(sensors, "sensors", "reaches", "sensors"),
     )
-    # Two cameras alike in all but the name may still differ in the sensor that a noise model knows them by.
+    # Cameras that differ in the name only may still have different sensors in a noise model.
     distinct = tuple({(c, c.name): c for cs in named for c in cs}.values())
     number = {(camera, camera.name): index for index, camera in enumerate(distinct)}
     chosen = tuple(np.array([number[c, c.name] for c in cs], dtype=np.intp) for cs in named)
     of_sensors = _information_of_sensors(task)
-    # Beyond the position only other sensors know of the state, and that for every configuration alike.
-    beyond = of_sensors if of_sensors is not None and of_sensors.shape[-1] > 3 else None
+    # Only other sensors can measure more of the state than the position, and they do so for every configuration.
+    state_information = of_sensors if of_sensors is not None and of_sensors.shape[-1] > 3 else None
     positions = None if of_sensors is None else to_six(of_sensors[:, :3, :3])
     if detection is not None:
         whole = TARGET_VISIBILITY if tests == VISIBILITY_TESTS else tests
-        return _expected(distinct, chosen, task, whole, detection, positions, beyond)
+        return _expected(distinct, chosen, task, whole, detection, positions, state_information)
     visible, information = _measured(distinct, chosen, task, tests)
     if positions is not None:
         information += positions
-    observable, sigma, frame_sigma = solve(task.processes, information, beyond)
-    return Evaluations(task, distinct, chosen, visible, observable, information, beyond, sigma, frame_sigma)
+    observable, sigma, frame_sigma = solve(task.processes, information, state_information)
+    return Evaluations(task, distinct, chosen, visible, observable, information, state_information, sigma, frame_sigma)
 
 
 def _expected(
@@ -152,13 +153,13 @@ def _expected(
     tests: Sequence[VisibilityTest],
     detection: DetectionModel,
     positions: Floats | None,
-    beyond: Floats | None,
+    state_information: Floats | None,
 ) -> Evaluations:
-    """The evaluations where each camera finds what it sees with a probability.
+    """Evaluations where each camera finds a visible point with a probability.
 
     Args:
-        positions: 1/m², six entries of what other sensors know of the position, (6, N).
-        beyond: what they know of the whole state, (N, n, n).
+        positions: 1/m², six entries of the other sensors' information on the position, (6, N).
+        state_information: their information on the whole state, (N, n, n).
     """
     N = len(task.points_m)
     visible, found = np.zeros((len(cameras), N), dtype=np.bool_), np.zeros((len(cameras), N))
@@ -173,16 +174,26 @@ def _expected(
         of_cameras[:, :, part] = task.noise.information(views, visible[:, part])
     over_sets = tuple(expected(of_cameras[chosen], found[chosen], positions) for chosen in configurations)
     information = np.array([over.information for over in over_sets]).reshape(-1, 6, N)
-    observable, sigma, _ = solve(task.processes, information, beyond)
+    observable, sigma, _ = solve(task.processes, information, state_information)
     covariance = np.array([over.covariance_m2 for over in over_sets]).reshape(-1, N, 3, 3)
     frame_sigma = np.where(observable, largest_standard_deviation(covariance), np.nan)
     return Evaluations(
-        task, cameras, configurations, visible, observable, information, beyond, sigma, frame_sigma, found, over_sets
+        task,
+        cameras,
+        configurations,
+        visible,
+        observable,
+        information,
+        state_information,
+        sigma,
+        frame_sigma,
+        found,
+        over_sets,
     )
 
 
 def _listed(configurations: Iterable[Iterable[PTZCamera]]) -> Iterator[tuple[PTZCamera, ...]]:
-    """Each configuration's cameras, whatever iterables they come in."""
+    """Each configuration's cameras, as tuples."""
     if configurations is None or not isinstance(configurations, Iterable) or isinstance(configurations, str | bytes):
         what = "None" if configurations is None else f"a {type(configurations).__name__}"
         raise RangeError(f"configurations is {what}; allowed: a list of lists of cameras")
@@ -196,7 +207,7 @@ def _measured(
     task: Task,
     tests: Sequence[VisibilityTest],
 ) -> tuple[Bools, Floats]:
-    """Who sees what, (U, N), and the cameras' information in each configuration, (K, 6, N)."""
+    """Visibility, (U, N), and the cameras' information in each configuration, (K, 6, N), in 1/m²."""
     U, K, N = len(cameras), len(configurations), len(task.points_m)
     visible, information = np.zeros((U, N), dtype=np.bool_), np.zeros((K, 6, N))
     points_at_once = min(max(PAIRS_AT_ONCE // max(U, 1), SHORTEST_RUN), int(MOST_NUMBERS_KEPT / (6 * max(U, 1))))
@@ -222,7 +233,7 @@ def _measured(
 
 
 def _information(cameras: Cameras, task: Task, tests: Sequence[VisibilityTest]) -> tuple[Bools, Floats]:
-    """Who sees what, (C, n), and HᵀR⁻¹H of each camera, (C, 6, n); with Eq. 5's batch, ĤᵀR̂⁻¹Ĥ is their sum."""
+    """Visibility, (C, n), and HᵀR⁻¹H of each camera, (C, 6, n); with Eq. 5's batch, ĤᵀR̂⁻¹Ĥ is their sum."""
     views = Views(cameras, task.points_m, task.normals, task.appearance)
     visible = visible_in(views, task.occluder, tests)
     return visible, task.noise.information(views, visible)
@@ -234,7 +245,7 @@ def _information_of_sensors(task: Task) -> Floats | None:
         return None
     N, states = len(task.points_m), max(model.states for model, _ in task.processes)
     total = np.zeros((N, states, states))
-    beyond = False
+    state_information = False
     for sensor in task.sensors:
         rows = np.flatnonzero(sensor.reaches(task.points_m, task.normals, task.occluder))
         if len(rows) == 0:
@@ -248,9 +259,9 @@ def _information_of_sensors(task: Task) -> Floats | None:
             )
         if known > 3 and len(task.processes) > 1:
             raise ShapeError(f"sensor {sensor.name!r} measures the whole state; allowed: one process for all points")
-        beyond |= known > 3
+        state_information |= known > 3
         total[rows, :known, :known] += measurement_information(jacobian, sensor.covariance(task.points_m[rows]))
-    return total if beyond else total[:, :3, :3]
+    return total if state_information else total[:, :3, :3]
 
 
 def _check_points(points: Floats, normals: Floats) -> None:

@@ -1,4 +1,4 @@
-"""What the metric says of one configuration, or of many: the arrays behind Eq. 10 and what follows from them."""
+"""Results of the metric for one configuration or many: the arrays behind Eq. 10, and what derives from them."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Task:
         noise: model of R_k.
         processes: each process model with the indices of its points.
         occluder: shapes that block lines of sight.
-        appearance: how the targets look; None where no factor asks.
+        appearance: size, brightness and motion of the targets; None if no factor or test needs it.
         sensors: other modalities.
     """
 
@@ -48,7 +48,7 @@ class Task:
     sensors: tuple[Sensor, ...] = ()
 
     def at(self, part: slice) -> Task:
-        """The task at some of the points, for what cameras see of them; `processes` stay those of all."""
+        """The task at a slice of the points, for the cameras' views of them; `processes` stay those of all points."""
         appearance = None if self.appearance is None else self.appearance.at(part)
         return dataclasses.replace(
             self, points_m=self.points_m[part], normals=self.normals[part], appearance=appearance
@@ -57,24 +57,24 @@ class Task:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """What the metric says of one configuration of C cameras at N points, for a state of n numbers.
+    """Results for one configuration of C cameras at N points, with a state of up to n numbers.
 
-    Unobservable points have nan in every array but `visible`, `observable` and `information`. Where points have
-    process models of different size, n is the largest, and what a smaller one lacks is nan.
+    Unobservable points have nan in every array but `visible`, `observable` and `information`. Where points have process
+    models of different size, n is the largest, and the missing entries of a smaller one are nan.
 
     Attributes:
         task: the points and models.
         cameras: C of them.
-        visible: (C, N), the camera sees the point.
-        observable: (N,), the measurements fix all three coordinates as far as double precision can tell, and Eq. 4 has
-            a solution. Cameras alone need two for it that are not in line with the point.
+        visible: (C, N), whether the camera sees the point.
+        observable: (N,), whether the measurements determine all three coordinates, within double precision, and Eq. 4
+            has a solution. With cameras alone it takes two that are not collinear with the point.
         information: ĤᵀR̂⁻¹Ĥ of Eq. 5's batch, (N, 3, 3) in 1/m²; (N, n, n) if a sensor measures more than positions.
         sigma_m: m, σ∞ of Eq. 9, of the position block, (N,).
-        single_frame_sigma_m: m, √λmax of C = (Σ HᵀR⁻¹H)⁻¹, one frame's triangulation, (N,).
-        detection: probability that each camera finds each point, (C, N); 0 where it does not see it. None if what is
-            visible is found, as without `evaluate(…, detection=…)`.
-        expected: expectations over which cameras find each point, with `detection`: `information` and C are then those
-            given that the point is found, and σ∞ is that of a filter that has this information in each frame.
+        single_frame_sigma_m: m, √λmax of C = (Σ HᵀR⁻¹H)⁻¹, the triangulation of one frame, (N,).
+        detection: probability that each camera finds each point, (C, N); 0 where the point is not visible. None without
+            `evaluate(…, detection=…)`: every visible point is found.
+        expected: with `detection`, expectations over which cameras find each point. `information` and C are then
+            conditional on the point being found, and σ∞ is that of a filter with this information in each frame.
     """
 
     task: Task
@@ -138,7 +138,7 @@ class Evaluation:
 
     @property
     def single_frame_rms_m(self) -> Floats:
-        """Metres, √tr of C, (N,): what the RMS error of triangulated points is compared with."""
+        """Metres, √tr of C, (N,); its measured counterpart is the RMS error of triangulated points."""
         return root_trace(self.single_frame_covariance)
 
     @property
@@ -151,12 +151,12 @@ class Evaluation:
 
     @property
     def found(self) -> Floats:
-        """Probability, (N,), that the cameras that find a point fix it: 1 and 0 without `detection`."""
+        """Probability, (N,), that a point is found by enough cameras to determine it; 1 or 0 without `detection`."""
         return self.observable.astype(float) if self.expected is None else self.expected.found
 
     @property
     def inverse_sigma(self) -> Floats:
-        """1/m, (N,), what each point adds to the mean of Eq. 10; 0 where it is not observable.
+        """1/m, (N,), each point's contribution to the mean of Eq. 10; 0 where it is not observable.
 
         With `detection`, 1/σ∞ times the probability that the point is found.
         """
@@ -164,14 +164,14 @@ class Evaluation:
 
     @property
     def single_frame_inverse_sigma(self) -> Floats:
-        """1/m, (N,), the same with √λmax of C in place of σ∞; with `detection`, E[1/√λmax C]."""
+        """1/m, (N,), as `inverse_sigma` with √λmax of C in place of σ∞; with `detection`, E[1/√λmax C]."""
         if self.expected is not None:
             return self.expected.inverse_sigma
         return np.nan_to_num(1 / self.single_frame_sigma_m)
 
     @property
     def pss(self) -> float:
-        """1/m, Eq. 10; with `detection`, each point counts with the probability that it is found."""
+        """1/m, Eq. 10; with `detection`, each point is weighted by the probability that it is found."""
         if self.expected is not None:
             return float(self.inverse_sigma.mean())
         return mean_inverse_sigma(self.sigma_m)
@@ -185,42 +185,43 @@ class Evaluation:
 
     @cached_property
     def views(self) -> Views:
-        """Distances, angles, pixels and Jacobians of all points in all cameras, seen or not."""
+        """Distances, angles, pixels and Jacobians of all points in all cameras, visible or not."""
         return Views(self.cameras, self.points_m, self.normals, self.task.appearance)
 
     @cached_property
     def jacobian(self) -> Floats:
-        """px/m, H_k, (C, N, 2, 3), of all points, seen or not."""
+        """px/m, H_k, (C, N, 2, 3), of all points, visible or not."""
         return self.views.jacobian
 
     @cached_property
     def noise_px2(self) -> Floats:
-        """px², R_k, (C, N, 2, 2), of all points, seen or not."""
+        """px², R_k, (C, N, 2, 2), of all points, visible or not."""
         return self.task.noise.of_views(self.views).matrix(*self.visible.shape)
 
     @cached_property
     def camera_information(self) -> Floats:
-        """1/m², HᵀR⁻¹H of each camera, (C, N, 3, 3); zero where it does not see the point."""
+        """1/m², HᵀR⁻¹H of each camera, (C, N, 3, 3); zero where the point is not visible."""
         six = self.task.noise.information(self.views, self.visible)
         return from_six(six.swapaxes(0, 1).reshape(6, -1)).reshape(*self.visible.shape, 3, 3)
 
 
 @dataclass(frozen=True, eq=False)
 class Evaluations(Sequence[Evaluation]):
-    """What the metric says of K configurations at N points. Item k is the `Evaluation` of one.
+    """Results for K configurations at N points. Item k is the `Evaluation` of one configuration.
 
     Attributes:
-        task: the points and models that all share.
-        cameras: the cameras of all configurations, each once, U of them.
-        configurations: each configuration's cameras, by their place in `cameras`.
+        task: the points and models that all configurations share.
+        cameras: the distinct cameras of all configurations, U of them.
+        configurations: indices into `cameras` of each configuration's cameras.
         visible: (U, N).
         observable: (K, N).
-        information: entries xx, xy, xz, yy, yz, zz of the position's, 1/m², (K, 6, N).
-        beyond: information of the whole state, (N, n, n), if a sensor measures more than positions; else None.
+        information: 1/m², entries xx, xy, xz, yy, yz, zz of the position block, (K, 6, N).
+        state_information: information of other sensors on the whole state, (N, n, n); None if they measure positions
+            only.
         sigma_m: m, σ∞, (K, N).
         single_frame_sigma_m: m, (K, N).
-        detection: (U, N), and
-        expected: of each configuration, as in `Evaluation`; None without `evaluate_many(…, detection=…)`.
+        detection: (U, N), as in `Evaluation`; None without `evaluate_many(…, detection=…)`.
+        expected: one for each configuration, as in `Evaluation`; None without `detection`.
     """
 
     task: Task
@@ -229,7 +230,7 @@ class Evaluations(Sequence[Evaluation]):
     visible: Bools
     observable: Bools
     information: Floats
-    beyond: Floats | None
+    state_information: Floats | None
     sigma_m: Floats
     single_frame_sigma_m: Floats
     detection: Floats | None = None
@@ -244,8 +245,8 @@ class Evaluations(Sequence[Evaluation]):
     def __getitem__(self, k: int) -> Evaluation:  # type: ignore[override]  # no slices: a batch is indexed by number
         chosen = self.configurations[k]
         information = from_six(self.information[k])
-        if self.beyond is not None:
-            information, positions = self.beyond.copy(), information
+        if self.state_information is not None:
+            information, positions = self.state_information.copy(), information
             information[:, :3, :3] = positions
         return Evaluation(
             self.task,

@@ -1,6 +1,6 @@
-"""The table of metrics: PSS, its relatives and its rivals, each a number for a configuration.
+"""The table of metrics: PSS, its variants and its rivals, each a number for a configuration.
 
-A user's own metric joins by an entry point of the group "pss.metrics" that names a `Metric` (or a sequence of them).
+To add a metric, register an entry point of the group "pss.metrics" that names a `Metric` (or a sequence of them).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ STATUS_MEANING: dict[Status, str] = {
     "read": "the formula was read in its source",
     "checked": "the formula was read in its source and checked numerically",
     "after": "only the source's abstract was read: the formula is our reading",
-    "ours": "a yardstick or an ablation of this project",
+    "ours": "a reference measure or an ablation of this project",
 }
 
 
@@ -38,13 +38,13 @@ class Metric:
     """A number for a configuration.
 
     Attributes:
-        name: in tables.
-        score: from the configuration's evaluation to the number.
-        higher_is_better: the direction in which configurations get better.
-        reference: where the formula comes from.
-        status: what is known of the formula, a key of `STATUS_MEANING`.
-        unobservable: how it counts points that are not observable.
-        terms: of a score that is a mean over the points, what each of them adds, (N,); else None.
+        name: its name in tables.
+        score: function from a configuration's evaluation to the number.
+        higher_is_better: the direction of improvement.
+        reference: source of the formula.
+        status: how far the formula is verified, a key of `STATUS_MEANING`.
+        unobservable: how points that are not observable count.
+        terms: for a score that is a mean over the points, their contributions, (N,); else None.
     """
 
     name: str
@@ -74,12 +74,12 @@ class Metric:
         return cls(name, mean, higher_is_better, reference, status, unobservable, terms)
 
     def __call__(self, cameras: Sequence[PTZCamera], points_m: ArrayLike, normals: ArrayLike, **models: Any) -> float:
-        """The number, from the inputs of `pss.evaluate`."""
+        """The number for a configuration; arguments and errors are those of `pss.evaluate`."""
         return float(self.score(evaluate(cameras, points_m, normals, **models)))
 
 
 class MetricTable(Mapping[str, Metric]):
-    """Metrics by name: this project's own, then those of installed entry points, which are looked for when needed."""
+    """Metrics by name: the project's, then those of installed entry points, which are loaded when needed."""
 
     def __init__(self, metrics: Sequence[Metric]) -> None:
         self._metrics = {metric.name: metric for metric in metrics}
@@ -104,7 +104,7 @@ class MetricTable(Mapping[str, Metric]):
         return len(self._metrics)
 
     def of_entry_points(self) -> tuple[Metric, ...]:
-        """The metrics that installed entry points brought, in their order."""
+        """The metrics of installed entry points, in their order."""
         self._load()
         return tuple(self._metrics.values())[self._own :]
 
@@ -122,7 +122,7 @@ class MetricTable(Mapping[str, Metric]):
                 found = [loaded] if isinstance(loaded, Metric) else list(loaded)
                 for metric in found:
                     self._add(metric)
-            except Exception as error:  # somebody else's code: a broken one must not take ours along
+            except Exception as error:  # third-party code: a broken one must not disable the other metrics
                 warnings.warn(f"metrics of entry point {entry.name!r} ({entry.value}): {error}", stacklevel=2)
 
     def _add(self, metric: Metric) -> None:

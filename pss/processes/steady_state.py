@@ -67,17 +67,17 @@ def of_state(information: Floats, states: int) -> Floats:
     return whole
 
 
-def solve(groups: Groups, information: Floats, beyond: Floats | None) -> tuple[Bools, Floats, Floats]:
+def solve(groups: Groups, information: Floats, state_information: Floats | None) -> tuple[Bools, Floats, Floats]:
     """Which of N points are observable in each of K configurations, σ∞ and √λmax of C in m; (K, N) each, nan if not.
 
     Args:
-        information, beyond: as in `position_sigma`.
+        information, state_information: as in `position_sigma`.
 
     Raises:
         RiccatiError: as `position_sigma`.
     """
     observable, smallest = resolvable(information)
-    sigma = position_sigma(groups, information, beyond, smallest, observable)
+    sigma = position_sigma(groups, information, state_information, smallest, observable)
     observable &= np.isfinite(sigma)  # a point too close to unobservable for Eq. 4 counts as what it is close to
     frame_sigma = np.full(smallest.shape, np.nan)
     frame_sigma[observable] = 1 / np.sqrt(smallest[observable])
@@ -115,13 +115,13 @@ def _smallest_eigenvalues(information: Floats, measured: Bools) -> Floats:
 
 
 def position_sigma(
-    groups: Groups, information: Floats, beyond: Floats | None, smallest: Floats, wanted: Bools
+    groups: Groups, information: Floats, state_information: Floats | None, smallest: Floats, wanted: Bools
 ) -> Floats:
     """m, σ∞ of the position block (Eq. 9) of K configurations at N points, (K, N); nan where not wanted or not solved.
 
     Args:
         information: 1/m², six entries of the position's, (K, 6, N).
-        beyond: information on the whole state, (N, n, n), of which the position block is in `information`; or None.
+        state_information: information on the whole state, (N, n, n), of which the position block is in `information`; or None.
         smallest: 1/m², smallest eigenvalue of the position's information, (K, N).
         wanted: (K, N).
 
@@ -130,7 +130,7 @@ def position_sigma(
     """
     sigma = np.full(wanted.shape, np.nan)
     for model, points in groups:
-        blocks = _axis_blocks(model) if beyond is None else None
+        blocks = _axis_blocks(model) if state_information is None else None
         configuration, place = np.nonzero(wanted[:, points])
         if len(place) == 0:
             continue
@@ -144,8 +144,8 @@ def position_sigma(
         for start in range(0, len(place), SYSTEMS_AT_ONCE):
             of_k, of_n = configuration[start : start + SYSTEMS_AT_ONCE], place[start : start + SYSTEMS_AT_ONCE]
             known = from_six(information[of_k, :, points[of_n]].T)
-            if beyond is not None:
-                known, positions = beyond[points[of_n]].copy(), known
+            if state_information is not None:
+                known, positions = state_information[points[of_n]].copy(), known
                 known[:, :3, :3] = positions
             prior = _covariance(_chosen(model, of_n), known)
             sigma[of_k, points[of_n]] = largest_standard_deviation(prior[:, :3, :3])

@@ -47,8 +47,8 @@ def evaluation_with(evaluation: Evaluation, noise: NoiseModel) -> Evaluation:
         six += to_six(evaluation.information[:, :3, :3] - evaluation.camera_information.sum(axis=0))
     information = evaluation.information.copy()
     information[:, :3, :3] = from_six(six)
-    beyond = information if information.shape[-1] > 3 else None
-    observable, sigma, frame_sigma = (array[0] for array in solve(task.processes, six[None], beyond))
+    state_information = information if information.shape[-1] > 3 else None
+    observable, sigma, frame_sigma = (array[0] for array in solve(task.processes, six[None], state_information))
     return dataclasses.replace(
         evaluation,
         task=task,
