@@ -1,7 +1,7 @@
-"""The project's own exceptions.
+"""The project's exceptions.
 
-Each also inherits the builtin a caller would expect, and its message carries the offending value and what is allowed,
-so that a command line can print it as one line and a program can catch it either way.
+Each also inherits the corresponding builtin exception. The message has the offending value and what is allowed, so that
+a command can print it as one line.
 """
 
 from __future__ import annotations
@@ -10,19 +10,19 @@ __all__ = ["GeometryError", "MissingLibraryError", "PSSError", "RangeError", "Ri
 
 
 class PSSError(Exception):
-    """Base of everything this project raises on purpose."""
+    """Base class of all exceptions that this project raises on purpose."""
 
 
 class ShapeError(PSSError, ValueError):
-    """An array has the wrong shape; the message prints the shape it got."""
+    """An array has the wrong shape; the message has the actual shape."""
 
 
 class RangeError(PSSError, ValueError):
-    """A value lies outside what is allowed; the message prints both."""
+    """A value is out of range; the message has the value and what is allowed."""
 
 
 class GeometryError(PSSError, ValueError):
-    """A geometric situation without an answer, such as a point at the camera's own centre."""
+    """A degenerate geometry, such as a point at the camera's centre."""
 
 
 class RiccatiError(PSSError, ArithmeticError):
@@ -30,4 +30,4 @@ class RiccatiError(PSSError, ArithmeticError):
 
 
 class MissingLibraryError(PSSError, ImportError):
-    """A library that the chosen option needs is not there (libLLVM, CUDA)."""
+    """A library required by the chosen option is not installed (libLLVM, CUDA)."""

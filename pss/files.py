@@ -1,4 +1,4 @@
-"""Files that others may have written: read whole or refused, and never more of them than is allowed."""
+"""Safe reading of files from others: limited in size and depth, and refused as a whole if anything is wrong."""
 
 from __future__ import annotations
 
@@ -24,29 +24,29 @@ __all__ = [
     "read_toml",
 ]
 
-# A hundred times the longest file that comes with the project; a thousand cameras take half of it.
+# A hundred times the longest file that comes with the project; enough for two thousand cameras.
 MOST_TOML_BYTES = 512 * 1024
-# No file of the project goes deeper than six; Python's own stack, which each level uses, holds a few hundred.
+# No file of the project is deeper than six; Python's stack, which each level uses, has room for a few hundred.
 DEEPEST_TABLE = 32
-# TOML's own range; beyond it some numbers could be read, but not be written or be made a float.
+# TOML's own range; larger integers could be read, but neither written nor converted to a float.
 LARGEST_INTEGER = 2**63 - 1
-# Beyond any measure in any unit, and still so that products and quotients of several are numbers.
+# Beyond any measure in any unit; products and quotients of several are still finite.
 SMALLEST_NUMBER, LARGEST_NUMBER = 1e-30, 1e30
 
-# A dotted key of more parts than tables may be deep: the time to read one grows with the square of its parts.
-# Possessive (+): without them the search for it would take as long.
+# A dotted key with more parts than tables may be deep: the time to parse one grows with the square of its parts. The
+# possessive quantifiers (+) prevent the search itself from taking as long.
 _LONG_KEY = re.compile(
     r"""(?<![\w.-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){%d}""" % DEEPEST_TABLE  # noqa: UP031
 )
 
 
 def is_inside(path: str | os.PathLike[str], folders: Iterable[str | os.PathLike[str]]) -> bool:
-    """Whether `path` lies in one of `folders` or below, when all symbolic links are followed; it need not exist."""
+    """Whether `path` is in one of `folders` or below, with all symbolic links resolved; it need not exist."""
     try:
         real = Path(path).resolve()
         return any(real.is_relative_to(Path(folder).resolve()) for folder in folders)
     except (OSError, ValueError, RuntimeError):
-        # A null character, or links that go round in a circle: nowhere.
+        # A null character, or a cycle of links: in no folder.
         return False
 
 
@@ -58,7 +58,7 @@ def open_plain(path: str | os.PathLike[str]) -> BinaryIO:
         OSError: it cannot be read.
     """
     _check_plain(os.stat(path).st_mode)
-    # Should it be another by now: a pipe that is opened so does not wait.
+    # In case it was replaced since: opening a pipe in this mode does not block.
     handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     try:
         _check_plain(os.fstat(handle).st_mode)
@@ -77,10 +77,10 @@ def _check_plain(mode: int) -> None:
 
 
 def read_bounded(path: str | os.PathLike[str], most_bytes: int) -> bytes:
-    """The bytes of a file that has at most `most_bytes`.
+    """The bytes of a file with at most `most_bytes`.
 
     Raises:
-        RangeError: it has more, then the line starts with the size, or it is no plain file.
+        RangeError: it is larger, and the message starts with its size; or it is not a plain file.
         OSError: it cannot be read.
     """
     with open_plain(path) as file:
@@ -92,13 +92,13 @@ def read_bounded(path: str | os.PathLike[str], most_bytes: int) -> bytes:
 
 
 def read_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """The document in a TOML file of at most `MOST_TOML_BYTES`, whose tables are at most `DEEPEST_TABLE` deep.
+    """The document in a TOML file of at most `MOST_TOML_BYTES`, with tables at most `DEEPEST_TABLE` deep.
 
-    A byte order mark at its beginning is passed over.
+    A byte order mark at its beginning is skipped.
 
     Raises:
-        RangeError: one line that starts with the path: the file is not there, cannot be read, is larger or deeper than
-            that, or is no TOML (then with line and column).
+        RangeError: one line that starts with the path: the file is missing, unreadable, too large or too deep, or is
+            not valid TOML (then with line and column).
     """
     text = ""
     try:
@@ -125,19 +125,19 @@ def read_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
         line, column = found.groups() if found else (str(len(lines)), str(len(lines[-1]) + 1))
         raise RangeError(f"{path}: line {line}, column {column}: {reason or error}") from None
     except ValueError as error:
-        # What is wrong with a value itself (a number of thousands of digits, a date in month 13), or a `RangeError`.
+        # An invalid value (a number of thousands of digits, a date in month 13), or a `RangeError`.
         raise RangeError(f"{path}: {error}") from None
     return document
 
 
 def check_values(document: dict[str, Any]) -> None:
-    """That nothing in a document lies too deep, and that its numbers can be reckoned with.
+    """Check that a document is not too deep, and that its numbers are in a range that computations allow.
 
     Raises:
-        RangeError: tables or lists deeper than `DEEPEST_TABLE`, a whole number that TOML does not have, or a number
-            that is not 0 and farther from 1 than `LARGEST_NUMBER` or `SMALLEST_NUMBER`.
+        RangeError: tables or lists deeper than `DEEPEST_TABLE`, an integer out of TOML's range, or a nonzero number
+            larger than `LARGEST_NUMBER` or smaller than `SMALLEST_NUMBER` in size.
     """
-    # Without recursion, as it is about that.
+    # Without recursion, since the depth is what is checked.
     level: list[tuple[str, object]] = [("", document)]
     for _ in range(DEEPEST_TABLE + 1):
         if not level:
@@ -162,5 +162,5 @@ def check_values(document: dict[str, Any]) -> None:
 
 
 def _is_measure(value: float) -> bool:
-    # What is no number is told where a number is wanted, with the key's own range.
+    # nan and infinity are reported by the key that expects a number, with its own range.
     return value == 0 or not math.isfinite(value) or SMALLEST_NUMBER <= abs(value) <= LARGEST_NUMBER

@@ -1,4 +1,4 @@
-"""Type aliases that all packages share: arrays by their kind of number, and rows of tables."""
+"""Type aliases that all packages share: arrays by kind of number, and table rows."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ Floats = NDArray[np.float64]
 AnyFloats = NDArray[np.floating]
 """Single or double precision."""
 Images = NDArray[np.float32]
-"""Images and maps as the renderer gives them."""
+"""Images and maps of the renderer."""
 Pixels = NDArray[np.uint8]
-"""Pictures for the eye."""
+"""Images for display."""
 Bools = NDArray[np.bool_]
 Integers = NDArray[np.int64]
 Indices = NDArray[np.intp]
 
 Row = dict[str, object]
-"""A row of a table that is being made, by column name."""
+"""A table row under construction, by column name."""
 ReadOnlyRow = Mapping[str, object]
 CsvRow = Mapping[str, str]
-"""A row as it was read from a CSV file: text, by column name."""
+"""A row read from a CSV file: text, by column name."""

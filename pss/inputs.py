@@ -1,7 +1,7 @@
-"""What callers pass in, made into what the metric computes with: copied, whole, or refused by name.
+"""Conversion and checks of callers' arguments.
 
-Whatever is accepted is a copy, so that later changes to the caller's arrays change nothing. Iterators are read to their
-end. Masked values, ragged rows, text, complex numbers and None are refused, with the argument's name.
+Accepted values are copied, so that later changes to the caller's arrays have no effect. Iterators are exhausted. Masked
+values, ragged rows, text, complex numbers and None are refused, with the argument's name.
 """
 
 from __future__ import annotations
@@ -19,27 +19,27 @@ from pss.hints import Floats
 __all__ = ["labels", "members", "number", "numbers", "place", "plain", "row"]
 
 
-# What of a value is shown in a message.
+# Largest length of a value in a message.
 LONGEST_SHOWN = 60
-# Kinds of NumPy types that are numbers: booleans, whole numbers, floats.
+# NumPy's kinds of numbers: booleans, integers, floats.
 NUMBERS = "biuf"
 
 
 def numbers(value: object, name: str, allowed: str = "numbers") -> Floats:
-    """`value` as a new array of floats, of whatever shape; errors are those of `plain`."""
+    """`value` as a new array of floats, of any shape; errors are those of `plain`."""
     array = plain(value, name, allowed)
     return array if array.dtype == float else array.astype(float)
 
 
 def plain(value: object, name: str, allowed: str = "numbers") -> NDArray[Any]:
-    """`value` as a new array of numbers in their own type, of whatever shape.
+    """`value` as a new array of numbers of their own type, of any shape.
 
     Args:
         value: an array, nested lists or tuples, an iterator of such, or a number.
-        allowed: what the message says is allowed.
+        allowed: what is allowed, for the message.
 
     Raises:
-        RangeError: None, text, complex numbers, masked values, or anything else that is no number.
+        RangeError: None, text, complex numbers, masked values, or anything else that is not a number.
         ShapeError: rows of different lengths.
     """
     if value is None or isinstance(value, str | bytes | dict | set | frozenset):
@@ -60,12 +60,12 @@ def plain(value: object, name: str, allowed: str = "numbers") -> NDArray[Any]:
 
 
 def _array_of(value: object, name: str, allowed: str) -> NDArray[Any]:
-    """A new array of a list or another object, of any type."""
+    """A new array from a list or another object, of any type."""
     if isinstance(value, list | tuple) and not any(isinstance(item, np.ma.MaskedArray) for item in value):
         try:
             array = np.array(value)
         except (TypeError, ValueError):
-            pass  # what is wrong is found below
+            pass  # the error is raised below
         else:
             if array.dtype.kind in NUMBERS:
                 return array
@@ -81,7 +81,7 @@ def _array_of(value: object, name: str, allowed: str) -> NDArray[Any]:
 
 
 def _whole(value: object, name: str) -> object:
-    """`value` with iterators read, on any level, and without masks."""
+    """`value` with iterators exhausted, at any level, and without masks."""
     if isinstance(value, np.ndarray):
         _refuse_masked(value, name)
         return value
@@ -98,10 +98,10 @@ def _refuse_masked(value: NDArray[Any], name: str) -> None:
 
 
 def number(value: object, name: str, allowed: str = "a number") -> float:
-    """`value` as a float; nan and infinity pass.
+    """`value` as a float; nan and infinity are accepted.
 
     Raises:
-        RangeError: it is no number.
+        RangeError: it is not a number.
     """
     if type(value) is float or type(value) is int:
         return float(value)
@@ -112,11 +112,11 @@ def number(value: object, name: str, allowed: str = "a number") -> float:
 
 
 def row(value: object, length: int, name: str, allowed: str) -> tuple[float, ...]:
-    """`value` as so many floats.
+    """`value` as a tuple of `length` floats.
 
     Raises:
         ShapeError: there are more or fewer.
-        RangeError: one is no number.
+        RangeError: one is not a number.
     """
     if isinstance(value, tuple) and len(value) == length and all(type(item) in (float, int) for item in value):
         return tuple(float(item) for item in value)
@@ -131,8 +131,8 @@ def place(value: object, name: str, allowed: str = "3 (x, y, z in metres)") -> t
     """`value` as three finite floats.
 
     Raises:
-        ShapeError: they are not three.
-        RangeError: one is no finite number.
+        ShapeError: there are not three.
+        RangeError: one is not a finite number.
     """
     x, y, z = row(value, 3, name, allowed)
     if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
@@ -141,7 +141,7 @@ def place(value: object, name: str, allowed: str = "3 (x, y, z in metres)") -> t
 
 
 def labels(value: object, name: str) -> NDArray[np.str_]:
-    """`value` as a new array of text, of whatever shape.
+    """`value` as a new array of text, of any shape.
 
     Raises:
         RangeError: None, or masked values.
@@ -159,7 +159,7 @@ def members(value: object, name: str, attribute: str, what: str) -> tuple[Any, .
     """The items of a list, a tuple or any other iterable, each with `attribute`.
 
     Raises:
-        RangeError: it is none, such as one item by itself, or holds something else.
+        RangeError: it is not iterable, such as a single item, or an item lacks the attribute.
     """
     if value is None or isinstance(value, str | bytes) or not isinstance(value, Iterable) or hasattr(value, attribute):
         _refuse(value, name, f"a list of {what}")

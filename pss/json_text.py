@@ -1,6 +1,6 @@
-"""JSON as all programs read it: numbers that JSON does not have (nan, ±inf) are written as null.
+"""Strictly valid JSON: numbers that JSON lacks (nan, ±inf) are written as null.
 
-Python's own writer puts NaN and Infinity, which no other reader has to accept.
+Python's own writer emits NaN and Infinity, which other readers need not accept.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ def json_text(value: object, **options: Any) -> str:
         options: of `json.dumps`, such as `indent`.
 
     Raises:
-        TypeError: something that JSON has no form for.
+        TypeError: a value that has no JSON form.
     """
     try:
         return json.dumps(value, allow_nan=False, **options)
@@ -37,7 +37,7 @@ def _with_nulls(value: object) -> object:
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, Mapping):
-        # A key that is no number is a word in JSON, as Python writes it.
+        # A non-string key becomes a string in JSON, as in Python's own writer.
         return {key: _with_nulls(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [_with_nulls(item) for item in value]

@@ -1,4 +1,4 @@
-"""The metrics by name: PSS and what the paper says beside it, and its rivals."""
+"""The metrics by name: PSS, the paper's other measures, and the rivals."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ CAMERAS_TO_OBSERVE = 2
 
 
 def _visible_twice(evaluation: Evaluation) -> Floats:
-    """Whether two cameras or more see each point, (N,), or the probability that they find it: of `visible-share`."""
+    """Whether at least two cameras see each point, (N,), or the probability that they find it, for `visible-share`."""
     if evaluation.detection is not None:
         return np.asarray(probability_of_at_least(evaluation.detection, CAMERAS_TO_OBSERVE)[-1])
     return np.asarray(evaluation.visible.sum(axis=0) >= CAMERAS_TO_OBSERVE, dtype=float)

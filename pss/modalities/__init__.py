@@ -1,1 +1,1 @@
-"""Other sensors beside cameras: each adds its own information about a point (Eq. 3)."""
+"""Other sensors than cameras: each adds its information about a point (Eq. 3)."""

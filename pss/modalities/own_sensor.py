@@ -1,4 +1,4 @@
-"""A sensor of one's own by its measurement function, beside those of `pss.modalities.sensors`."""
+"""A user-defined sensor, by its measurement function."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from pss.surrogates import Shape
 __all__ = ["FunctionSensor"]
 
 
-# Cube root of double precision: where the error of a central difference is least, in units of the state's own size.
+# Cube root of double precision: the step with the smallest error of a central difference, relative to the state.
 DIFFERENCE_STEP = 6e-6
 
 
 @dataclass(frozen=True, eq=False)
 class FunctionSensor:
-    """A user's own sensor: a function of the position, its noise, and its Jacobian if it is known.
+    """A user-defined sensor: a function of the position, its noise covariance, and optionally its Jacobian.
 
     Attributes:
         function: from points (N, 3) to measurements (N, m).
         noise: covariance of a measurement, (m, m), in the measurements' units squared.
-        of_position: ∂measurement/∂position, from points (N, 3) to (N, m, 3); None takes central differences.
-        reach: from points (N, 3) to (N,) booleans; None measures everywhere.
+        of_position: ∂measurement/∂position, from points (N, 3) to (N, m, 3); None for central differences.
+        reach: from points (N, 3) to (N,) booleans; None: the sensor measures everywhere.
     """
 
     function: Callable[[Floats], Floats]
@@ -67,7 +67,7 @@ class FunctionSensor:
         return np.broadcast_to(noise, (len(points_m), *noise.shape))
 
     def reaches(self, points_m: Floats, normals: Floats, occluder: Sequence[Shape]) -> Bools:
-        """Where it measures, (N,)."""
+        """Whether it measures each point, (N,)."""
         if self.reach is None:
             return np.ones(len(points_m), dtype=np.bool_)
         return np.asarray(self.reach(points_m), dtype=np.bool_)

@@ -1,4 +1,4 @@
-"""Other sensing modalities in the same batch as the cameras: each adds its HᵀR⁻¹H to a point's information (Eq. 5).
+"""Sensors other than cameras: each adds its HᵀR⁻¹H to a point's information (Eq. 5).
 
 The paper (section 3.1): "their contributions can be accounted for with sensor-specific measurement functions".
 """
@@ -24,11 +24,11 @@ __all__ = ["Bearing", "DepthCamera", "PositionFix", "RangeBeacon", "Sensor"]
 
 
 class Sensor(Protocol):
-    """A sensor that measures m numbers of a point's position, or of its whole state. A user's own has these members."""
+    """A sensor that measures m numbers of a point's position or state. User-defined sensors have these members."""
 
     @property
     def name(self) -> str:
-        """How tables call it."""
+        """The sensor's name in tables."""
         ...
 
     def measure(self, points_m: Floats) -> Floats:
@@ -36,15 +36,15 @@ class Sensor(Protocol):
         ...
 
     def jacobian(self, points_m: Floats) -> Floats:
-        """∂measurement/∂position at points (N, 3), (N, m, 3); or by the n numbers of the state, (N, m, n)."""
+        """∂measurement/∂position at points (N, 3), (N, m, 3); or by all n numbers of the state, (N, m, n)."""
         ...
 
     def covariance(self, points_m: Floats) -> Floats:
-        """Covariance of the measurements' noise at points (N, 3), (N, m, m), positive definite."""
+        """Covariance of the measurements at points (N, 3), (N, m, m), positive definite."""
         ...
 
     def reaches(self, points_m: Floats, normals: Floats, occluder: Sequence[Shape]) -> Bools:
-        """Whether the sensor measures each of the points (N, 3) with normals (N, 3) at all, (N,)."""
+        """Whether the sensor measures each of the points (N, 3) with normals (N, 3), (N,)."""
         ...
 
 
@@ -55,7 +55,7 @@ def _positive(owner: str, **values: float) -> None:
 
 
 def _away(position_m: tuple[float, float, float], points_m: Floats, name: str) -> tuple[Floats, Floats]:
-    """m, vectors (N, 3) and distances (N,) from a place to points."""
+    """m, vectors (N, 3) and distances (N,) from a position to points."""
     away = as_points(points_m) - np.array(position_m)
     distance = np.linalg.norm(away, axis=-1)
     if (distance == 0).any():
@@ -83,13 +83,13 @@ def _in_reach(
 
 @dataclass(frozen=True)
 class RangeBeacon:
-    """Distance to a beacon, as the acoustic tracker that the paper cites measures it.
+    """Distance to a beacon, as measured by the acoustic tracker that the paper cites.
 
     Attributes:
         position_m: m, (3,).
         sigma_m: m, standard deviation of a distance.
         furthest_m: m, reach.
-        blocked_by_shapes: whether what stands in between stops it (sound bends around small things).
+        blocked_by_shapes: whether shapes block it (sound bends around small objects).
     """
 
     position_m: tuple[float, float, float]
@@ -116,19 +116,19 @@ class RangeBeacon:
         return np.full((len(points_m), 1, 1), self.sigma_m**2)
 
     def reaches(self, points_m: Floats, normals: Floats, occluder: Sequence[Shape]) -> Bools:
-        """Within reach, and not hidden if that matters, (N,)."""
+        """Within reach, and not occluded if that matters, (N,)."""
         return _in_reach(self.position_m, self.furthest_m, self.blocked_by_shapes, points_m, normals, occluder)
 
 
 @dataclass(frozen=True)
 class Bearing:
-    """Direction to a point from a place: azimuth about world z (0 along +y, positive to +x) and elevation, in radians.
+    """Direction to a point, in radians: azimuth about world z (0 along +y, positive to +x) and elevation.
 
     Attributes:
         position_m: m, (3,).
         sigma_rad: rad, standard deviation of a direction across the line of sight, the same on both axes.
         furthest_m: m, reach.
-        blocked_by_shapes: whether what stands in between stops it.
+        blocked_by_shapes: whether shapes block it.
     """
 
     position_m: tuple[float, float, float]
@@ -160,7 +160,7 @@ class Bearing:
         return rows
 
     def covariance(self, points_m: Floats) -> Floats:
-        """rad², (N, 2, 2): the azimuth spreads by 1/cos(elevation) as its circle shrinks."""
+        """rad², (N, 2, 2): the azimuth's σ grows as 1/cos(elevation)."""
         away, distance = self._off_the_pole(points_m)
         cos_elevation = np.hypot(away[:, 0], away[:, 1]) / distance
         covariance = np.zeros((len(away), 2, 2))
@@ -169,7 +169,7 @@ class Bearing:
         return covariance
 
     def reaches(self, points_m: Floats, normals: Floats, occluder: Sequence[Shape]) -> Bools:
-        """Within reach, not straight above or below, and not hidden if that matters, (N,)."""
+        """Within reach, not straight above or below, and not occluded if that matters, (N,)."""
         near = _in_reach(self.position_m, self.furthest_m, self.blocked_by_shapes, points_m, normals, occluder)
         return np.asarray(near & (np.linalg.norm(points_m[:, :2] - np.array(self.position_m[:2]), axis=1) > 0))
 
@@ -185,10 +185,10 @@ class DepthCamera:
     """A camera that also measures the depth along its axis: (u, v, depth).
 
     Attributes:
-        camera: its lens and sensor.
+        camera: the camera.
         sigma_px: px, standard deviation of each image coordinate.
         sigma_depth_m: m, of the depth at a depth of 1 m.
-        depth_power: the depth's σ goes as depth to this power (stereo: 2; time of flight: about 1).
+        depth_power: exponent with which the depth's σ grows with depth (stereo: 2; time of flight: about 1).
         furthest_m: m, largest depth.
     """
 
@@ -221,7 +221,7 @@ class DepthCamera:
         return covariance
 
     def reaches(self, points_m: Floats, normals: Floats, occluder: Sequence[Shape]) -> Bools:
-        """What the camera sees up to its largest depth, (N,)."""
+        """Whether the camera sees the point, up to its largest depth, (N,)."""
         views = Views([self.camera], points_m, normals)
         seen = visible_in(views, occluder, (FieldOfView(), SelfOcclusion(), Occlusion()))
         return np.asarray(seen[0] & (views.depth_m[0] <= self.furthest_m))

@@ -1,4 +1,4 @@
-"""Process models of one's own (Eq. 2): any A and Q, a non-linear motion by its Jacobian, another one for each point."""
+"""User-defined process models (Eq. 2): any A and Q, a non-linear motion by its Jacobian, or a model for each point."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from pss.riccati.solve import require_semidefinite
 __all__ = ["LinearProcess", "NonlinearProcess", "PerPoint"]
 
 
-# Step of the five-point difference, relative to a state or to one unit of it, whichever is larger: its truncation goes
-# as the fourth power, rounding as eps over the step, which leaves about eps^(4/5) = 3e-13 of a smooth transition.
+# Step of the five-point difference, relative to a state or to one unit of it, whichever is larger. Its truncation error
+# is of fourth order, its rounding error eps over the step: together about eps^(4/5) = 3e-13 for a smooth transition.
 DIFFERENCE_STEP = float(np.finfo(np.float64).eps) ** 0.2
 
 
 @dataclass(frozen=True, eq=False)
 class LinearProcess:
-    """Any linear motion, alike for all points or with matrices for each; position is the first three states.
+    """Any linear motion, equal for all points or with matrices for each; position is the first three states.
 
     Attributes:
         A: transition over one time step, (n, n) or (N, n, n), n ≥ 3
@@ -32,7 +32,7 @@ class LinearProcess:
         time_step_s: s between two frames, > 0
 
     Raises:
-        ShapeError: a matrix is not square, n < 3, or A and Q do not fit each other
+        ShapeError: a matrix is not square, n < 3, or the shapes of A and Q do not match
         RangeError: a value is not finite, Q not symmetric positive semidefinite, time_step_s not positive
     """
 
@@ -56,11 +56,11 @@ class LinearProcess:
 
     @property
     def points(self) -> int | None:
-        """Number of points N that have matrices of their own, None if all move alike."""
+        """Number of points N with their own matrices; None if all points share one."""
         return next((len(M) for M in (self.A, self.Q) if M.ndim == 3), None)
 
     def at(self, indices: ArrayLike) -> LinearProcess:
-        """The process of some of the points, by indices or booleans; the process itself if all move alike."""
+        """The process of some of the points, by indices or booleans; the process itself if all points share one."""
         if self.points is None:
             return self
         chosen = np.asarray(indices)
@@ -70,10 +70,10 @@ class LinearProcess:
 
 @dataclass(frozen=True, eq=False)
 class NonlinearProcess:
-    """Any motion x' = f(x) + noise, which Eq. 4 knows through its Jacobian A = ∂f/∂x: `linearised`.
+    """Any motion x' = f(x) + noise; Eq. 4 uses its Jacobian A = ∂f/∂x: see `linearised`.
 
     Attributes:
-        transition: f over one time step, from states (N, n) to states (N, n), each row by itself
+        transition: f over one time step, from states (N, n) to states (N, n), row by row
         Q: covariance of the noise, as in `LinearProcess`
         jacobian: ∂f/∂x from states (N, n) to (N, n, n); None for five-point differences, exact to about 1e-12 of the
             largest entry if f is smooth over steps of `DIFFERENCE_STEP` (0.7 mm, 0.7 mm/s, ...)
@@ -94,10 +94,10 @@ class NonlinearProcess:
         require_semidefinite("Q", self.Q)
 
     def linearised(self, states: ArrayLike) -> LinearProcess:
-        """The motion of small errors about `states`, (N, n), with an A (N, n, n) for each of them.
+        """The motion of small errors about `states`, (N, n), with a Jacobian A for each of them, (N, n, n).
 
         Raises:
-            ShapeError: states, or what `transition` or `jacobian` makes of them, have another shape
+            ShapeError: states, or the results of `transition` or `jacobian`, have another shape
             RangeError: a value is not finite
         """
         n = self.Q.shape[-1]
@@ -119,15 +119,15 @@ class NonlinearProcess:
 
 @dataclass(frozen=True, eq=False)
 class PerPoint:
-    """Points of one evaluation that move by different models: a walking person in front of a wall.
+    """Points of one evaluation that move by different models, such as a walking person in front of a wall.
 
     Attributes:
         models: the models; one with matrices for each point has them for all N points
-        index: which model each point moves by, integers (N,)
+        index: index of each point's model, integers (N,)
 
     Raises:
-        ShapeError: no models, index is not (N,), a model has matrices for another number of points
-        RangeError: an index is not an integer, or there is no such model
+        ShapeError: no models, index is not (N,), or a model has matrices for another number of points
+        RangeError: an index is not an integer, or out of range
     """
 
     models: Sequence[ProcessModel]
@@ -152,7 +152,7 @@ class PerPoint:
         object.__setattr__(self, "index", index)
 
     def groups(self) -> Iterator[tuple[ProcessModel, Indices]]:
-        """Each model that a point moves by, cut down to its points, with their indices, ascending, (M,)."""
+        """Each model that a point uses, restricted to its points, with their indices, ascending, (M,)."""
         for number, model in enumerate(self.models):
             indices = np.flatnonzero(self.index == number)
             if indices.size:
@@ -160,7 +160,7 @@ class PerPoint:
 
 
 def _read_only(name: str, value: ArrayLike) -> Floats:
-    """A copy of a matrix over three states or more, or of one for each point."""
+    """A read-only copy of a matrix over three states or more, or of one for each point."""
     M = numbers(value, name, f"(n, n) or (N, n, n) with n ≥ {AXES}")
     if M.ndim not in (2, 3) or M.shape[-1] != M.shape[-2] or M.shape[-1] < AXES:
         raise ShapeError(f"{name} has shape {M.shape}; allowed: (n, n) or (N, n, n) with n ≥ {AXES}")
@@ -170,7 +170,7 @@ def _read_only(name: str, value: ArrayLike) -> Floats:
 
 
 def _shaped(name: str, given: ArrayLike, shape: tuple[int, ...]) -> Floats:
-    """`given` as an array if it has the shape and is finite."""
+    """`given` as an array, checked to have the shape and to be finite."""
     value = numbers(given, name, f"{shape}")
     if value.shape != shape:
         raise ShapeError(f"{name} has shape {value.shape}; allowed: {shape}")

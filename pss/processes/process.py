@@ -1,8 +1,8 @@
-"""How a point moves from one frame to the next: the process models of Eq. 2.
+"""Motion of a point from one frame to the next: the process models of Eq. 2.
 
 Every model is a transition matrix A and a process noise covariance Q for one time step; the state begins with position
-x, y, z (m). In the three motion models velocity x, y, z (m/s) and acceleration x, y, z (m/s²) follow, and the axes are
-independent and alike: each matrix is the Kronecker product of a small one with the 3 × 3 identity.
+x, y, z (m). In the three motion models velocity x, y, z (m/s) and acceleration x, y, z (m/s²) follow. Their axes are
+independent and equal: each matrix is the Kronecker product of a small one with the 3 × 3 identity.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class ProcessModel(Protocol):
 
     @property
     def Q(self) -> Floats:
-        """Covariance of the process noise gathered over one time step, (n, n) or (N, n, n)."""
+        """Covariance of the process noise of one time step, (n, n) or (N, n, n)."""
         ...
 
     @property
@@ -78,7 +78,7 @@ class _AlikeAxes:
 
     @cached_property
     def Q(self) -> Floats:
-        """Covariance gathered over one time step, (n, n); m² for positions."""
+        """Covariance of the noise of one time step, (n, n); m² for positions."""
         return _for_each_axis(_integrated_white_noise(self.order, getattr(self, self.noise[0]), self.time_step_s))
 
 
@@ -86,7 +86,7 @@ class _AlikeAxes:
 class RandomWalk(_AlikeAxes):
     """A point that takes an independent Gaussian step in every frame; three states, A = I and Q = step_std_m² · I.
 
-    The intensity belongs to a time step, not to a second: changing ``time_step_s`` alone leaves Q as it is.
+    The step belongs to a frame, not to a second: changing ``time_step_s`` alone does not change Q.
 
     Attributes:
         step_std_m: m standard deviation of the step along each axis between two frames, > 0
@@ -107,8 +107,8 @@ class ConstantVelocity(_AlikeAxes):
     """A point whose acceleration is white noise; six states.
 
     Attributes:
-        acceleration_density_m2_s3: m²/s³ spectral density of the white acceleration along each axis, > 0: after a
-            time t the velocity has gathered a variance of density · t
+        acceleration_density_m2_s3: m²/s³ spectral density of the white acceleration along each axis, > 0: after a time
+            t the velocity has a variance of density · t
     """
 
     order, noise = 2, ("acceleration_density_m2_s3", "m²/s³")
@@ -122,7 +122,7 @@ class ConstantAcceleration(_AlikeAxes):
 
     Attributes:
         jerk_density_m2_s5: m²/s⁵ spectral density of the white jerk along each axis, > 0: after a time t the
-            acceleration has gathered a variance of density · t
+            acceleration has a variance of density · t
     """
 
     order, noise = 3, ("jerk_density_m2_s5", "m²/s⁵")
@@ -138,10 +138,10 @@ def _taylor_transition(order: int, time_step_s: float) -> list[list[float]]:
 
 
 def _integrated_white_noise(order: int, density: float, time_step_s: float) -> list[list[float]]:
-    """Noise gathered by a chain of ``order`` integrators whose last input is white.
+    """Noise covariance of a chain of ``order`` integrators with white noise at its input, over one time step.
 
-    State i answers an impulse τ seconds old with τ^a/a!, a = order − 1 − i, so that the covariance of states i and j
-    is density · ∫₀^Δt τ^a/a! · τ^b/b! dτ = density · Δt^(a+b+1) / ((a+b+1) · a! · b!).
+    The response of state i to an impulse τ seconds ago is τ^a/a! with a = order − 1 − i. The covariance of states i and
+    j is density · ∫₀^Δt τ^a/a! · τ^b/b! dτ = density · Δt^(a+b+1) / ((a+b+1) · a! · b!).
     """
     powers = range(order - 1, -1, -1)
     return [
@@ -151,7 +151,7 @@ def _integrated_white_noise(order: int, density: float, time_step_s: float) -> l
 
 
 def _for_each_axis(per_axis: list[list[float]]) -> Floats:
-    """Spread a matrix over derivatives to the x, y and z axes, read-only because models are shared and hashed."""
+    """Expand a matrix over derivatives to the x, y and z axes, read-only because models are shared and hashed."""
     matrix: Floats = np.kron(np.array(per_axis, dtype=np.float64), np.eye(AXES)).astype(np.float64)
     matrix.flags.writeable = False
     return matrix

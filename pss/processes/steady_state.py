@@ -1,4 +1,4 @@
-"""From what is measured of N points to their σ∞, whatever their process models: the shortest way that each allows."""
+"""σ∞ at N points from the information of their measurements, by the fastest method that each process model allows."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ Groups = list[tuple[ProcessModel, Indices]]
 Process = ProcessModel | PerPoint | Sequence[ProcessModel]
 
 
-# Rays closer to parallel than double precision can tell apart carry no depth: smallest eigenvalue over trace of J.
+# Rays too close to parallel for double precision carry no depth: smallest eigenvalue over trace of J.
 SMALLEST_INFORMATION_RATIO = 1e-13
-# For fewer matrices LAPACK takes less time than the calls of NumPy that the closed form is made of.
+# For fewer matrices LAPACK is faster than the NumPy calls of the closed form.
 FEWEST_IN_CLOSED_FORM = 400
 # 3 × 3 matrices at once: their arrays stay in the cache.
 MATRICES_AT_ONCE = 16384
@@ -36,10 +36,10 @@ MODELS_REMEMBERED = 64
 
 
 def as_groups(process: Process, points: int) -> Groups:
-    """Each model with the indices of the points that move by it.
+    """Each model with the indices of its points.
 
     Raises:
-        ShapeError: models or their matrices for another number of points.
+        ShapeError: models or matrices for another number of points.
     """
     if not hasattr(process, "states") and not isinstance(process, PerPoint):
         models: tuple[ProcessModel, ...] = members(process, "process", "states", "process models, or one")
@@ -60,7 +60,7 @@ def as_groups(process: Process, points: int) -> Groups:
 
 
 def of_state(information: Floats, states: int) -> Floats:
-    """Information on positions (or more), (N, k, k), as information on the whole state, (N, n, n)."""
+    """Information on positions (or more), (N, k, k), embedded in that on the whole state, (N, n, n)."""
     known = information.shape[-1]
     whole = np.zeros((len(information), states, states))
     whole[:, :known, :known] = information
@@ -68,7 +68,7 @@ def of_state(information: Floats, states: int) -> Floats:
 
 
 def solve(groups: Groups, information: Floats, state_information: Floats | None) -> tuple[Bools, Floats, Floats]:
-    """Which of N points are observable in each of K configurations, σ∞ and √λmax of C in m; (K, N) each, nan if not.
+    """Observable points of K configurations, and their σ∞ and √λmax of C in m; (K, N) each, nan if unobservable.
 
     Args:
         information, state_information: as in `position_sigma`.
@@ -78,14 +78,14 @@ def solve(groups: Groups, information: Floats, state_information: Floats | None)
     """
     observable, smallest = resolvable(information)
     sigma = position_sigma(groups, information, state_information, smallest, observable)
-    observable &= np.isfinite(sigma)  # a point too close to unobservable for Eq. 4 counts as what it is close to
+    observable &= np.isfinite(sigma)  # a point for which Eq. 4 fails is unobservable to within rounding
     frame_sigma = np.full(smallest.shape, np.nan)
     frame_sigma[observable] = 1 / np.sqrt(smallest[observable])
     return observable, sigma, frame_sigma
 
 
 def resolvable(information: Floats) -> tuple[Bools, Floats]:
-    """Whether measurements fix all three coordinates as far as double precision can tell, and λmin in 1/m².
+    """Whether measurements determine all three coordinates in double precision, and λmin in 1/m².
 
     Args:
         information: 1/m², entries xx, xy, xz, yy, yz, zz, (K, 6, N).
@@ -115,27 +115,27 @@ def _smallest_eigenvalues(information: Floats, measured: Bools) -> Floats:
 
 
 def position_sigma(
-    groups: Groups, information: Floats, state_information: Floats | None, smallest: Floats, wanted: Bools
+    groups: Groups, information: Floats, state_information: Floats | None, smallest: Floats, selected: Bools
 ) -> Floats:
-    """m, σ∞ of the position block (Eq. 9) of K configurations at N points, (K, N); nan where not wanted or not solved.
+    """m, σ∞ of the position block (Eq. 9) of K configurations at N points, (K, N); nan if not selected or not solvable.
 
     Args:
-        information: 1/m², six entries of the position's, (K, 6, N).
-        state_information: information on the whole state, (N, n, n), of which the position block is in `information`; or None.
-        smallest: 1/m², smallest eigenvalue of the position's information, (K, N).
-        wanted: (K, N).
+        information: 1/m², six entries of the position block, (K, 6, N).
+        state_information: information on the whole state, (N, n, n), whose position block is in `information`; or None.
+        smallest: 1/m², smallest eigenvalue of the position block, (K, N).
+        selected: the points to solve for, (K, N).
 
     Raises:
-        RiccatiError: a process is at fault: it has no steady state even where all directions are measured alike.
+        RiccatiError: a process has no steady state even if all directions are measured equally well.
     """
-    sigma = np.full(wanted.shape, np.nan)
+    sigma = np.full(selected.shape, np.nan)
     for model, points in groups:
         blocks = _axis_blocks(model) if state_information is None else None
-        configuration, place = np.nonzero(wanted[:, points])
+        configuration, place = np.nonzero(selected[:, points])
         if len(place) == 0:
             continue
         if blocks is not None:
-            # The eigenvalues of the position block fall with those of J: the largest belongs to the smallest.
+            # The eigenvalues of the position block decrease with those of J: the largest belongs to the smallest.
             variance = position_variance(*blocks, smallest[configuration, points[place]], unsolvable="nan")
             if not np.isfinite(variance).all():
                 _blame_the_process(model, from_six(information[configuration, :, points[place]].T))
@@ -153,10 +153,10 @@ def position_sigma(
 
 
 def _axis_blocks(model: ProcessModel) -> tuple[Floats, Floats] | None:
-    """A₀ and Q₀ of a model whose axes move alike (`pss.riccati.axes`), looked up from the second time on."""
+    """A₀ and Q₀ of a model with equal axes (`pss.riccati.axes`), cached."""
     try:
         return _found_axis_blocks(cast(Hashable, model))
-    except TypeError:  # a user's own model that cannot be hashed
+    except TypeError:  # a user-defined model that cannot be hashed
         return _found_axis_blocks.__wrapped__(model)
 
 
@@ -165,17 +165,17 @@ def _found_axis_blocks(model: Any) -> tuple[Floats, Floats] | None:
     return axis_blocks(model.A, model.Q, np.zeros((model.states, model.states)))
 
 
-def prior_covariance(groups: Groups, information: Floats, wanted: Bools) -> Floats:
-    """P∞, (N, n, n) with the largest n of the models; nan where it is not `wanted`, not defined or defeats Eq. 4.
+def prior_covariance(groups: Groups, information: Floats, selected: Bools) -> Floats:
+    """P∞, (N, n, n) with the largest n of the models; nan where not selected, undefined or not solvable.
 
     Args:
         information: of the position (N, 3, 3) in 1/m², or of the state, (N, n, n).
-        wanted: (N,).
+        selected: the points to solve for, (N,).
     """
     states = max(model.states for model, _ in groups)
-    filled = np.full((len(wanted), states, states), np.nan)
+    filled = np.full((len(selected), states, states), np.nan)
     for model, points in groups:
-        place = np.flatnonzero(wanted[points])
+        place = np.flatnonzero(selected[points])
         if len(place):
             rows = points[place]
             filled[rows, : model.states, : model.states] = _covariance(_chosen(model, place), information[rows])
@@ -183,12 +183,12 @@ def prior_covariance(groups: Groups, information: Floats, wanted: Bools) -> Floa
 
 
 def _chosen(model: ProcessModel, places: Indices) -> ProcessModel:
-    """The model with its own matrices for some of its points, where it has one for each."""
+    """The model restricted to some of its points, where it has matrices for each."""
     return model.at(places) if isinstance(model, LinearProcess) else model
 
 
 def _covariance(model: ProcessModel, information: Floats) -> Floats:
-    """P∞ of points that move alike, (V, n, n); nan where it defeats Eq. 4."""
+    """P∞ of points with one model, (V, n, n); nan where Eq. 4 has no numerical solution."""
     prior = steady_state_covariance_from_information(
         model.A, model.Q, of_state(information, model.states), unsolvable="nan"
     )
@@ -198,6 +198,6 @@ def _covariance(model: ProcessModel, information: Floats) -> Floats:
 
 
 def _blame_the_process(model: ProcessModel, information: Floats) -> None:
-    """Raise if the process has no steady state even where all directions are measured alike."""
+    """Raise `RiccatiError` if the process has no steady state even when all directions are measured equally well."""
     alike = np.trace(information[:, :3, :3], axis1=-2, axis2=-1)[:, None, None] / 3 * np.eye(3)
     steady_state_covariance_from_information(model.A, model.Q, of_state(alike, model.states))

@@ -1,1 +1,1 @@
-"""The steady state of a Kalman filter, and the small matrices that it is made of (Eqs. 4 to 8)."""
+"""The steady state of a Kalman filter (Eqs. 4 to 8), and operations on small matrices."""

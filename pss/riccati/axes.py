@@ -1,11 +1,11 @@
-"""The steady state of Eq. 4 where the three axes move alike and only positions are measured: many small filters.
+"""The steady state of Eq. 4 for three equal axes with position measurements only: many small filters.
 
 With A = A₀ ⊗ I₃, Q = Q₀ ⊗ I₃ and J = diag(J₃, 0), the eigenvectors of J₃ = U diag(j) Uᵀ turn Eq. 4 into three filters
 of d = 1, 2 or 3 states (position and its derivatives), each with one scalar measurement of information jᵢ. Block (a, b)
-of P is then U diag(p_ab(j)) Uᵀ. Since p₀₀ falls with j, λmax of the position block is p₀₀ at the smallest j.
+of P is then U diag(p_ab(j)) Uᵀ. Since p₀₀ decreases with j, λmax of the position block is p₀₀ at the smallest j.
 
 All filters are solved at once, entry by entry: a matrix is a tuple of rows of arrays (M,), a symmetric one the tuple of
-its upper triangle, row by row. Every sum adds like units, so that neither units nor their spread cost digits.
+its upper triangle, row by row. All sums add equal units, so that neither units nor their ratios cost precision.
 """
 
 from __future__ import annotations
@@ -39,21 +39,21 @@ __all__ = ["axis_blocks", "axis_covariance", "position_variance", "three_axes"]
 Unsolvable = Literal["raise", "nan"]
 
 AXES = 3
-# Cofactors are written down for 2 × 2 and 3 × 3.
+# Cofactors are written out for 2 × 2 and 3 × 3.
 MOST_STATES = 3
-# The three copies of a number in A or Q may each have been rounded in its own way.
+# The three copies of a number in A or Q may have been rounded differently.
 SAME_ENTRY = 4 * EPS
-# So many filters keep NumPy's overhead per call small, and the arrays of one doubling in the cache.
+# This number of filters keeps NumPy's overhead per call small, and the arrays of one doubling in the cache.
 CHUNK = 8192
 MODELS_REMEMBERED = 64
-# A filter that settles within 2³ frames is rare; to ask takes as long as a fifth of a doubling.
+# A filter that settles within 2³ frames is rare; testing for it takes a fifth of a doubling.
 FEWEST_DOUBLINGS = 3
 
 
 def axis_blocks(A: Floats, Q: Floats, J: Floats) -> tuple[Floats, Floats] | None:
-    """A₀ and Q₀, (d, d), where A and Q, (n, n), are A₀ ⊗ I₃ and Q₀ ⊗ I₃ and J, (..., n, n), measures positions alone.
+    """A₀ and Q₀, (d, d), if A and Q, (n, n), are A₀ ⊗ I₃ and Q₀ ⊗ I₃ and J, (..., n, n), measures positions only.
 
-    None where they are not: A or Q have batch axes or another structure. Entries off the axes must be exactly zero.
+    None otherwise: A or Q have batch axes or another structure. Entries off the axes must be exactly zero.
     """
     n = A.shape[-1]
     if A.ndim != 2 or Q.ndim != 2 or n % AXES or n > AXES * MOST_STATES:
@@ -80,7 +80,7 @@ def axis_covariance(
         unsolvable: ``raise``, or ``nan`` for the filters without a steady state
 
     Raises:
-        ShapeError: the arrays do not fit each other
+        ShapeError: the shapes of the arrays do not match
         RangeError: a value is not finite, information negative, Q0 not symmetric positive semidefinite
         RiccatiError: a filter has no steady state that double precision can reach; the message names the indices
     """
@@ -103,12 +103,12 @@ def position_variance(
 
 
 def three_axes(A0: Floats, Q0: Floats, information: Floats, axes: Floats) -> tuple[Floats, Failures, Floats]:
-    """P (N, 3d, 3d), what failed, and P's relative error as its residual allows (N,), from J₃'s eigenstructure.
+    """P (N, 3d, 3d), the failures, and the bound on P's relative error by its residual (N,), from J₃'s eigenstructure.
 
     Args:
         A0, Q0: as in `axis_covariance`
         information: eigenvalues of J₃, (3, N)
-        axes: its eigenvectors, (3, 3, N): of the component and of the eigenvalue's place
+        axes: its eigenvectors, (3, 3, N), by component and eigenvalue
     """
     blind = _blind(A0, information, information.max(axis=0))
     P, failures, error = _solve(A0, Q0, np.where(blind, 1.0, np.maximum(information, 0.0)).ravel())
@@ -150,7 +150,7 @@ def _checked(A0: ArrayLike, Q0: ArrayLike, information: ArrayLike) -> tuple[Floa
 
 
 def _blind(A: Floats, information: Floats, largest: Floats) -> Bools:
-    """Whether what a filter measures, if anything, leaves a lasting mode of A alone; same shape as `information`."""
+    """Whether a filter leaves a lasting mode of A unmeasured; same shape as `information`."""
     measured = information > RANK_TOLERANCE * largest
     d = len(A)
     blind = np.full(information.shape, _undetectable(d, A.tobytes(), measured=True))
@@ -161,20 +161,20 @@ def _blind(A: Floats, information: Floats, largest: Floats) -> Bools:
 
 @functools.lru_cache(maxsize=MODELS_REMEMBERED)
 def _undetectable(d: int, A: bytes, *, measured: bool) -> bool:
-    """Whether a lasting mode of A goes unmeasured, by its position or by nothing; asked once for each A."""
+    """Whether a lasting mode of A is unmeasured, with or without position measurements; cached for each A."""
     position = np.zeros((d, d))
     position[0, 0] = measured
     return bool(undetectable(np.frombuffer(A).reshape(d, d), position))
 
 
 def _solve(A: Floats, Q: Floats, information: Floats) -> tuple[list[Floats], Failures, Floats]:
-    """Upper triangle of P, what failed, and the relative error that the residual allows; all (M,)."""
+    """Upper triangle of P, the failures, and the bound on the relative error by the residual; all (M,)."""
     if len(A) == 1:
         return _one_state(float(A[0, 0]), float(Q[0, 0]), information)
     entries = len(A) * (len(A) + 1) // 2
     P, error = np.empty((entries, len(information))), np.empty(len(information))
     converged = np.empty(len(information), dtype=np.bool_)
-    with np.errstate(all="ignore"):  # what diverges is found by its residual, nan or large
+    with np.errstate(all="ignore"):  # divergence is detected by the residual, nan or large
         for start in range(0, len(information), CHUNK):
             part = slice(start, start + CHUNK)
             solution, converged[part] = _doubling(A, Q, information[part])
@@ -184,7 +184,7 @@ def _solve(A: Floats, Q: Floats, information: Floats) -> tuple[list[Floats], Fai
 
 
 def _one_state(a: float, q: float, j: Floats) -> tuple[list[Floats], Failures, Floats]:
-    """Closed form of one state: j p² − 2b p − q = 0 with 2b = jq + a² − 1, its root taken without a difference."""
+    """Closed form for one state: j p² − 2b p − q = 0 with 2b = jq + a² − 1, its root computed without a difference."""
     b = (j * q + (a - 1) * (a + 1)) / 2
     root = np.hypot(b, np.sqrt(j * q))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -197,7 +197,7 @@ def _doubling(A: Floats, Q: Floats, j: Floats) -> tuple[Symmetric, Bools]:
     """Structure-preserving doubling as in `pss.riccati.methods.doubling`, and where it converged, (M,)."""
     d = len(A)
     upper = [(i, k) for i in range(d) for k in range(i, d)]
-    # The first doubling by hand, with G of rank one and all else numbers: (I + GQ)⁻¹ = I − weight · e (Qe)ᵀ.
+    # The first doubling written out, with G of rank one and scalars otherwise: (I + GQ)⁻¹ = I − weight · e (Qe)ᵀ.
     weight, twice, moved, whole = j / (1 + j * Q[0, 0]), A @ A, A @ Q[:, 0], A @ Q @ A.T + Q
     F: Matrix = tuple(tuple(twice[k, i] - weight * (A[0, i] * moved[k]) for k in range(d)) for i in range(d))
     P: Symmetric = tuple(whole[i, k] - weight * (moved[i] * moved[k]) for i, k in upper)
@@ -259,7 +259,7 @@ def _doubled(
 
 
 def _error(A: Floats, Q: Floats, j: Floats, P: Symmetric) -> Floats:
-    """Relative error of P that the residual of Eq. 4 allows, (M,), as `pss.riccati.methods.residuals` has it."""
+    """Bound on the relative error of P by the residual of Eq. 4, (M,), as in `pss.riccati.methods.residuals`."""
     d = len(A)
     upper = [(i, k) for i in range(d) for k in range(i, d)]
     shrink = j / (1 + j * P[0])

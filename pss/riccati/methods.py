@@ -1,8 +1,7 @@
-"""The numerical methods for Eq. 4 behind `pss.riccati.solve`, which checks arguments, chooses and judges the result.
+"""The numerical methods for Eq. 4, called by `pss.riccati.solve`, which checks arguments and judges the result.
 
-Nothing here refuses anything: each method returns P and, for each reason to fail, which systems of the batch it hit.
-The matrices are those of `pss.riccati.solve`: A, Q and the information J = HᵀR⁻¹H, all (..., n, n) or a flat batch (N,
-n, n).
+The methods raise no errors: each returns P and, for each reason of failure, a mask of the failed systems. The matrices
+are those of `pss.riccati.solve`: A, Q and the information J = HᵀR⁻¹H, all (..., n, n) or a flat batch (N, n, n).
 """
 
 from __future__ import annotations
@@ -36,25 +35,25 @@ __all__ = [
     "undetectable",
 ]
 
-# For each reason to fail, which systems of the batch it hit.
+# For each reason of failure, a mask of the failed systems of the batch.
 Failures = dict[str, Bools]
 
 EPS = float(np.finfo(np.float64).eps)
 # Once F^(2^k) is this small, the next increment of P, quadratic in it, is below eps.
 POWER_TOLERANCE = 1e-8
-# Eigenvalues of Ψ this close to the unit circle cannot be told to be inside or outside.
+# Eigenvalues of Ψ this close to the unit circle cannot be assigned to its inside or outside.
 UNIT_CIRCLE_WIDTH = 1e-12
-# 2^60 frames: convergence that needs more has a time constant beyond what double precision can tell from infinity.
+# 2^60 frames: slower convergence has a time constant that double precision cannot distinguish from infinity.
 MAX_DOUBLINGS = 60
 NO_CONVERGENCE = "no convergence: a mode that does not decay is not excited, or hardly measured"
-# Relative error of P, as estimated from the residual, at which the result of a method is refined.
+# Relative error of P, as estimated from the residual, above which the result of a method is refined.
 REFINE_ABOVE = 1e-13
 MAX_NEWTON_STEPS = 3
 # Relative error of P, as estimated from the residual, above which the result of any method is refused.
 REFUSE_ABOVE = 1e-6
 REFUSED = f"the residual of Eq. 4 allows a relative error above {REFUSE_ABOVE:g}"
 INDICES_SHOWN = 5
-# An iteration that got here has diverged; the square still fits double precision.
+# An iteration that reaches this value has diverged; its square is still finite in double precision.
 DIVERGED = 1e100
 
 
@@ -76,7 +75,7 @@ def random_walk(q: Floats, information: Floats, axes: Floats) -> tuple[Floats, F
 
 
 def eigenstructure(A: Floats, Q: Floats, J: Floats) -> tuple[Floats, Failures]:
-    """MacFarlane–Potter–Fath, flat batch (N, n, n). LAPACK balances Ψ itself, so no scaling is needed here."""
+    """MacFarlane–Potter–Fath, flat batch (N, n, n). LAPACK balances Ψ itself, so that no scaling is needed here."""
     n = A.shape[-1]
     singular_values = np.linalg.svd(A, compute_uv=False)
     singular = singular_values[:, -1] <= RANK_TOLERANCE * singular_values[:, 0]
@@ -99,10 +98,10 @@ def eigenstructure(A: Floats, Q: Floats, J: Floats) -> tuple[Floats, Failures]:
 
 
 def refined(A: Floats, Q: Floats, J: Floats, P: Floats) -> tuple[Floats, Floats]:
-    """P (N, n, n) after Newton steps where they lessen its error, and the relative error that its residual allows (N,).
+    """P (N, n, n) after the Newton steps that reduce its error, and the residual's bound on its relative error (N,).
 
-    A slow filter has pairs λ, 1/λ close to the unit circle, which mix: where it forgets over 10⁶ frames, eigenvectors
-    and SciPy's Schur vectors keep no more than six digits. Newton's method brings them back.
+    A slow filter has pairs λ, 1/λ close to the unit circle, whose vectors mix: with a time constant of 10⁶ frames,
+    eigenvectors and SciPy's Schur vectors are accurate to six digits at most. Newton's method recovers the others.
     """
     residual, error = residuals(A, Q, J, P)
     for _ in range(MAX_NEWTON_STEPS):
@@ -120,9 +119,9 @@ def refined(A: Floats, Q: Floats, J: Floats, P: Floats) -> tuple[Floats, Floats]
 
 
 def _newton_step(A: Floats, Q: Floats, J: Floats, P: Floats) -> Floats:
-    """One step of Newton's method on Eq. 4 (Kleinman): the covariance of a filter run with the gain of the given P."""
+    """One step of Newton's method on Eq. 4 (Kleinman): the covariance of a filter with the gain of the given P."""
     updated = posterior(P, J)
-    F = A - A @ updated @ J  # the filter's error goes from frame to frame by F
+    F = A - A @ updated @ J  # the transition of the filter's error
     X = Q + A @ updated @ J @ updated @ transpose(A)
     with np.errstate(over="ignore", invalid="ignore"):
         for _ in range(MAX_DOUBLINGS):
@@ -134,10 +133,10 @@ def _newton_step(A: Floats, Q: Floats, J: Floats, P: Floats) -> Floats:
 
 
 def doubling(A: Floats, Q: Floats, J: Floats) -> tuple[Floats, Failures]:
-    """Structure-preserving doubling, flat batch (N, n, n): step k holds the filter's covariance after 2^k frames.
+    """Structure-preserving doubling, flat batch (N, n, n): step k yields the filter's covariance after 2^k frames.
 
     Chu, Fan, Lin, Wang, "Structure-preserving algorithms for periodic discrete-time algebraic Riccati equations",
-    International Journal of Control 77 (2004); here on the dual, so that the transition is transposed.
+    International Journal of Control 77 (2004); applied to the dual problem, so that the transition is transposed.
     """
     n = A.shape[-1]
     F, G, P = transpose(A).copy(), J.copy(), Q.copy()
@@ -150,7 +149,7 @@ def doubling(A: Floats, Q: Floats, J: Floats) -> tuple[Floats, Failures]:
             G[active] = _symmetric(g + f @ solved[..., n:] @ transpose(f))
             F[active] = f @ solved[..., :n]
             size = _size_in_units_of(P[active], transpose(F[active]))
-            active = active[size > POWER_TOLERANCE]  # nan, which cannot recover, leaves too
+            active = active[size > POWER_TOLERANCE]  # also drops nan, which cannot recover
             if active.size == 0:
                 break
     failed = np.zeros(A.shape[0], dtype=np.bool_)
@@ -160,7 +159,7 @@ def doubling(A: Floats, Q: Floats, J: Floats) -> tuple[Floats, Failures]:
 
 
 def scipy_loop(A: Floats, Q: Floats, H: Floats, R: Floats) -> tuple[Floats, Failures]:
-    """SciPy solves the control problem; the filter is its dual, A and H transposed. P is (N, n, n)."""
+    """SciPy's solver of the control problem, whose dual is the filter (A and H transposed). P is (N, n, n)."""
     P = np.full_like(Q, np.nan)
     failed = np.zeros(A.shape[0], dtype=np.bool_)
     for i in range(A.shape[0]):
@@ -169,7 +168,7 @@ def scipy_loop(A: Floats, Q: Floats, H: Floats, R: Floats) -> tuple[Floats, Fail
         except (np.linalg.LinAlgError, ValueError):
             failed[i] = True
             continue
-        # SciPy also hands out P = 0 for Q = 0, though no filter settles there.
+        # SciPy returns P = 0 for Q = 0 too, although no filter converges to it.
         innovation = H[i] @ P[i] @ H[i].T + R[i]
         closed_loop = A[i] - A[i] @ P[i] @ H[i].T @ np.linalg.solve(innovation, H[i])
         failed[i] = np.abs(np.linalg.eigvals(closed_loop)).max() >= 1
@@ -188,7 +187,7 @@ def posterior(P: Floats, J: Floats) -> Floats:
 
 
 def symmetric_root(M: Floats) -> Floats:
-    """A matrix S (..., n, n), SᵀS = M, of a semidefinite M; at unit diagonal, so that units drown no small state."""
+    """A matrix S (..., n, n) with SᵀS = M for a semidefinite M; at unit diagonal, for the precision of small states."""
     deviations = _deviations(M)
     eigenvalues, axes = np.linalg.eigh(M / (deviations[..., :, None] * deviations[..., None, :]))
     root = np.sqrt(np.maximum(eigenvalues, 0.0))[..., :, None] * np.swapaxes(axes, -1, -2) * deviations[..., None, :]
@@ -196,11 +195,11 @@ def symmetric_root(M: Floats) -> Floats:
 
 
 def residuals(A: Floats, Q: Floats, J: Floats, P: Floats) -> tuple[Floats, Floats]:
-    """Relative residual of Eq. 4, (...,), and the relative error of P that it allows, (...,).
+    """Relative residual of Eq. 4, (...,), and the bound on P's relative error by it, (...,).
 
-    A residual of ε times the noise W that enters with each frame moves P = Σ Fᵏ W Fᵀᵏ by ε relatively. W is small
-    beside P if the filter is slow, and then a small residual alone proves little: below a rounding of P it may be
-    zero by chance, and counts as that rounding.
+    A residual of ε times the noise W of one frame changes P = Σ Fᵏ W Fᵀᵏ by ε relatively. For a slow filter W is small
+    relative to P, so that a small residual alone is weak evidence: below the rounding of P it may be zero by chance,
+    and counts as that rounding.
     """
     finite = np.asarray((np.abs(P) < DIVERGED).all(axis=(-2, -1)))  # false for nan
     P = np.where(finite[..., None, None], P, np.eye(P.shape[-1]))
@@ -210,7 +209,7 @@ def residuals(A: Floats, Q: Floats, J: Floats, P: Floats) -> tuple[Floats, Float
     deviations = _deviations(P)
     units = deviations[..., :, None] * deviations[..., None, :]
     off, whole, fresh = (np.linalg.norm(M / units, axis=(-2, -1)) for M in (difference, P, entering))
-    # P = 0 has the residual 0 if Q = 0, and only then.
+    # P = 0 has the residual 0 only if Q = 0.
     least = np.maximum(off, EPS * whole)
     residual, error = (
         np.where(x > 0, x / np.where(M > 0, M, x + 1e-300), 0.0) for x, M in ((off, whole), (least, fresh))
@@ -219,7 +218,7 @@ def residuals(A: Floats, Q: Floats, J: Floats, P: Floats) -> tuple[Floats, Float
 
 
 def failure_message(failed: Bools, failures: Failures, error: Floats) -> str:
-    """Name the first failing systems, each with the first reason that applies and, if that is it, the error of P."""
+    """Message with the first failing systems and the first reason for each; for a residual, with the error of P."""
     lines = []
     for index in np.argwhere(failed)[:INDICES_SHOWN]:
         at = tuple(int(i) for i in index)
@@ -244,7 +243,7 @@ def _deviations(P: Floats) -> Floats:
 
 
 def _solve_or_nan(A: NDArray[Any], B: NDArray[Any]) -> NDArray[Any]:
-    """A⁻¹B, nan for the singular ones of the batch, where NumPy would give up on all."""
+    """A⁻¹B, nan for the singular matrices of the batch, for which NumPy would reject the whole batch."""
     try:
         return np.linalg.solve(A, B)
     except np.linalg.LinAlgError:

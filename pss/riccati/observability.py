@@ -1,12 +1,12 @@
-"""Which points a filter can know at all: the paper's "more rigorous definition" of an observable point (section 3.2).
+"""Which points a filter can observe: the paper's "more rigorous definition" of an observable point (section 3.2).
 
-The paper calls a point observable that c ≥ 2 cameras see. These functions ask A and H themselves, by the test of Popov,
-Belevitch and Hautus: a mode of A is observed if H does not annihilate its eigenvectors. All arrays broadcast over
-leading batch axes.
+In the paper a point is observable if c ≥ 2 cameras see it. These functions test A and H themselves, by the criterion of
+Popov, Belevitch and Hautus: a mode of A is observed if H does not annihilate its eigenvectors. All arrays broadcast
+over leading batch axes.
 
-What counts as zero: a measurement's information on a direction of an eigenspace is compared with what it would be if
-nothing in it cancelled, so that only like units are compared; at or below `RANK_TOLERANCE` of it, it is rounding. For a
-point seen by cameras: rays less than about 1e-7 rad from parallel are parallel.
+Zero is defined as follows: a measurement's information on a direction of an eigenspace is compared with its value
+without cancellation, so that only equal units are compared; at or below `RANK_TOLERANCE` of it, it is rounding. For a
+point seen by cameras: rays within about 1e-7 rad of parallel count as parallel.
 """
 
 from __future__ import annotations
@@ -33,27 +33,27 @@ __all__ = [
 
 
 EPS = float(np.finfo(np.float64).eps)
-# An eigenvalue this far below the largest is rounding noise in a matrix that was summed up in double precision: two
-# cameras in line with the point leave about 10 eps where exact arithmetic leaves zero.
+# An eigenvalue this far below the largest is rounding noise in a matrix summed in double precision: for two cameras
+# collinear with the point it is about 10 eps instead of zero.
 RANK_TOLERANCE = 64 * EPS
 # Singular values of A − λI below this span the eigenspace of λ. The next ones are about the time step in seconds.
 NULL_TOLERANCE = 1e-9
 # Rounding splits a triple eigenvalue 1 (constant acceleration) by about eps^(1/3) = 6e-6 into the unit circle.
 MARGINAL_MODULUS = 1 - 3e-5
-# Relative error of `smallest_eigenvalue_3x3` above which LAPACK is asked instead, and the roundings, relative to the
-# largest entry, that the closed form's last sums add to what the residual of its eigenvector shows.
+# Relative error of `smallest_eigenvalue_3x3` above which LAPACK is used instead, and the rounding errors of the closed
+# form's last sums beside its eigenvector's residual, relative to the largest entry.
 EIGENVALUE_ERROR = 1e-9
 LAST_ROUNDINGS = 2 * EPS
 
 
 def observability_matrix(A: ArrayLike, H: ArrayLike) -> Floats:
-    """H, HA, …, HAⁿ⁻¹ below each other, (..., n·m, n), for A (..., n, n) and H (..., m, n).
+    """H, HA, …, HAⁿ⁻¹ stacked, (..., n·m, n), for A (..., n, n) and H (..., m, n).
 
-    It has rank n where the state is observable. To decide that in double precision use `is_observable`: the powers of A
-    mix states whose units, and so whose sizes, have nothing to do with each other.
+    It has rank n where the state is observable. To decide this in double precision use `is_observable`: the powers of A
+    mix states of unrelated units and magnitudes.
 
     Raises:
-        ShapeError, RangeError: the arrays do not fit each other, or a value is not finite
+        ShapeError, RangeError: the shapes do not match, or a value is not finite
     """
     transition, jacobian = _checked(A, H)
     rows = [jacobian]
@@ -65,10 +65,10 @@ def observability_matrix(A: ArrayLike, H: ArrayLike) -> Floats:
 def is_observable(A: ArrayLike, H: ArrayLike) -> Bools:
     """Whether measurements H, (..., m, n), determine every mode of A, (..., n, n); shape (...).
 
-    Rows of H may have any unit each: they are compared at unit length. The tolerance is that of this module.
+    Rows of H may have different units: they are compared at unit length. The tolerance is that of this module.
 
     Raises:
-        ShapeError, RangeError: the arrays do not fit each other, or a value is not finite
+        ShapeError, RangeError: the shapes do not match, or a value is not finite
     """
     transition, jacobian = _checked(A, H)
     return ~_unmeasured_mode(transition, _information(jacobian), slowest=-1.0)
@@ -77,10 +77,10 @@ def is_observable(A: ArrayLike, H: ArrayLike) -> Bools:
 def is_detectable(A: ArrayLike, H: ArrayLike | None = None, *, J: ArrayLike | None = None) -> Bools:
     """Whether every mode of A that does not decay is determined, by H (..., m, n) or by J = HᵀR⁻¹H (..., n, n).
 
-    Eq. 4 has a steady state only where this is true. Unlike H, J also says how good each measurement is.
+    Only then has Eq. 4 a steady state. Unlike H, J also contains the precision of each measurement.
 
     Raises:
-        ShapeError, RangeError: the arrays do not fit each other, or a value is not finite
+        ShapeError, RangeError: the shapes do not match, or a value is not finite
         RangeError: not exactly one of H and J is given
     """
     if (H is None) == (J is None):
@@ -95,8 +95,7 @@ def is_detectable(A: ArrayLike, H: ArrayLike | None = None, *, J: ArrayLike | No
 
 
 def information_ratio(J: ArrayLike) -> Floats:
-    """How observable: smallest over largest eigenvalue of J, (...): 1 if all directions are known alike, 0 if one
-    is unknown.
+    """Smallest over largest eigenvalue of J, (...): 1 for equally well measured directions, 0 for an unmeasured one.
 
     J (..., n, n) must have one unit, such as its position block, 1/m². Zero where J is zero; never negative.
 
@@ -122,9 +121,9 @@ def eigen_3x3(
 ) -> tuple[Floats, Floats]:
     """Eigenvalues and eigenvectors of symmetric 3 × 3 matrices given by their six entries, (N,) each.
 
-    The trigonometric formula finds the eigenvalue that is apart from the other two, where it is accurate; the others
-    come from the 2 × 2 matrix across its eigenvector. What the eigenvector's residual does not show to be within
-    `EIGENVALUE_ERROR` of λmin goes to LAPACK, whose own relative error is eps times the condition number.
+    The trigonometric formula yields the eigenvalue separate from the other two, where it is accurate; the others come
+    from the 2 × 2 matrix orthogonal to its eigenvector. Matrices whose residual does not prove an error within
+    `EIGENVALUE_ERROR` of λmin go to LAPACK, whose relative error is eps times the condition number.
 
     Returns:
         eigenvalues (3, N), in no order, and unit eigenvectors (3, 3, N), by component and eigenvalue
@@ -137,7 +136,7 @@ def eigen_3x3(
 
 
 def _deflated(six: Sequence[ArrayLike], vectors: bool) -> tuple[Floats, Floats]:
-    """`eigen_3x3`, with no eigenvectors (3, 3, 0) unless they are wanted."""
+    """`eigen_3x3`; eigenvectors (3, 3, 0) unless `vectors`."""
     entries = [numbers(entry, "entries", "six times (N,)") for entry in six]
     if entries[0].ndim != 1 or any(entry.shape != entries[0].shape for entry in entries):
         raise ShapeError(f"entries have the shapes {[entry.shape for entry in entries]}; allowed: six times (N,)")
@@ -152,7 +151,7 @@ def _deflated(six: Sequence[ArrayLike], vectors: bool) -> tuple[Floats, Floats]:
     unit = 1 / np.where(spread > 0, spread, 1.0)
     p, q, r, s, t, u = (a - mean) * unit, b * unit, c * unit, (d - mean) * unit, e * unit, (f - mean) * unit
     half_det = (p * (s * u - t * t) - q * (q * u - r * t) + r * (q * t - r * s)) / 2
-    # 2 cos φ of the eigenvalue that is apart: the largest if the determinant is positive, else the smallest.
+    # 2 cos φ of the separate eigenvalue: the largest if the determinant is positive, else the smallest.
     apart = np.copysign(2 * np.cos(np.arccos(np.minimum(np.abs(half_det), 1.0)) / 3), half_det)
     x, y, z = v = _null_vector(p - apart, q, r, s - apart, t, u - apart)
 
@@ -162,7 +161,8 @@ def _deflated(six: Sequence[ArrayLike], vectors: bool) -> tuple[Floats, Floats]:
     image = applied(*v)
     value = _dot(v, image)
     off = tuple(m - value * n for m, n in zip(image, v, strict=True))
-    # Two unit vectors across it without a branch (Duff et al., "Building an orthonormal basis, revisited", 2017).
+    # Two unit vectors orthogonal to it, without a branch (Duff et al., "Building an orthonormal basis, revisited",
+    # 2017).
     sign = np.copysign(1.0, z)
     k = -1 / (sign + z)
     first, second = (1 + sign * x * x * k, sign * (x * y * k), -sign * x), (x * y * k, sign + y * y * k, -y)
@@ -173,7 +173,7 @@ def _deflated(six: Sequence[ArrayLike], vectors: bool) -> tuple[Floats, Floats]:
     values = np.stack([value, (uu + ww) / 2 - radius, (uu + ww) / 2 + radius])
     axes = np.empty((3, 3, 0))
     if vectors:
-        # The eigenvector of the larger of the two, by the half of tan 2θ's formula that does not cancel.
+        # The eigenvector of the larger of the two, from the numerically stable half of tan 2θ's formula.
         cos, sin = np.where(half >= 0, radius + half, uw), np.where(half >= 0, uw, radius - half)
         cos = np.where(radius > 0, cos, 1.0)
         norm = np.hypot(cos, sin)
@@ -181,7 +181,7 @@ def _deflated(six: Sequence[ArrayLike], vectors: bool) -> tuple[Floats, Floats]:
         rows = zip(v, first, second, strict=True)
         axes = np.stack([np.stack([m, cos * o - sin * n, cos * n + sin * o]) for m, n, o in rows])
 
-    # Beside what is rounded, the coupling moves an eigenvalue by no more than its square over the gap, √3 spreads.
+    # Beside rounding, the coupling changes an eigenvalue by at most its square over the gap, √3 spreads.
     doubt = _dot(off, off) * unit + LAST_ROUNDINGS
     rough = np.flatnonzero(~(doubt <= EIGENVALUE_ERROR * values.min(axis=0)))
     if rough.size:
@@ -210,15 +210,15 @@ def _null_vector(a: Floats, b: Floats, c: Floats, d: Floats, e: Floats, f: Float
 
 
 def undetectable(A: Floats, J: Floats) -> Bools:
-    """Whether a mode of A that does not decay goes unmeasured, (...,): the Popov–Belevitch–Hautus test, unchecked."""
+    """Whether a mode of A that does not decay is unmeasured, (...,): the Popov–Belevitch–Hautus test, unchecked."""
     return _unmeasured_mode(A, J, slowest=MARGINAL_MODULUS)
 
 
 def _unmeasured_mode(A: Floats, J: Floats, slowest: float) -> Bools:
     """Whether an eigenvalue of A above `slowest` in modulus has an eigenvector that J annihilates, (...,).
 
-    J is looked at on each eigenspace of A by itself, which compares like units: for the motion models that is J's
-    position block, and the answer is that of the closed form.
+    J is evaluated on each eigenspace of A separately, which compares equal units: for the motion models that is the
+    position block of J, with the same result as the closed form.
     """
     n = A.shape[-1]
     eigenvalues = np.linalg.eigvals(A)
@@ -232,7 +232,7 @@ def _unmeasured_mode(A: Floats, J: Floats, slowest: float) -> Bools:
     basis = np.conj(right) * lasting[..., None]  # rows, the others zero
     J = J[..., None, :, :]
     measured = basis @ J @ np.conj(np.swapaxes(basis, -1, -2))
-    # What the information would be if nothing in it cancelled.
+    # The information without cancellation.
     scale = np.einsum("...ij,...jj->...", np.abs(basis) ** 2, J)[..., None, None]
     padding = np.eye(n) * ~lasting[..., None]
     weakest = np.linalg.eigvalsh(measured / np.where(scale > 0, scale, 1.0) + padding)[..., 0]
@@ -240,7 +240,7 @@ def _unmeasured_mode(A: Floats, J: Floats, slowest: float) -> Bools:
 
 
 def _information(H: Floats) -> Floats:
-    """HᵀH with H's rows at unit length, (..., n, n)."""
+    """HᵀH with rows of H at unit length, (..., n, n)."""
     length = np.linalg.norm(H, axis=-1, keepdims=True)
     rows = H / np.where(length > 0, length, 1.0)
     return np.asarray(np.swapaxes(rows, -1, -2) @ rows)

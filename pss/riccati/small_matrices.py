@@ -1,4 +1,4 @@
-"""Matrices of up to 3 × 3 for many systems at once, entry by entry: no call of LAPACK for each.
+"""Matrices of up to 3 × 3 for many systems at once, entry by entry, without a LAPACK call for each.
 
 A matrix is a tuple of rows of numbers or arrays (M,); a symmetric one is the tuple of its upper triangle, row by row.
 """
@@ -14,7 +14,7 @@ Entry = NDArray[np.float64] | float
 Symmetric = tuple[Entry, ...]
 Matrix = tuple[tuple[Entry, ...], ...]
 
-# Where entry (i, k) of a symmetric matrix is in its upper triangle.
+# Position of entry (i, k) of a symmetric matrix in its upper triangle.
 AT = {1: ((0,),), 2: ((0, 1), (1, 2)), 3: ((0, 1, 2), (1, 3, 4), (2, 4, 5))}
 
 

@@ -1,10 +1,10 @@
 """The steady-state covariance P∞ of a Kalman filter (Eqs. 4–8), for many points at once.
 
-Eq. 4 needs the measurements only through their information J = HᵀR⁻¹H, which adds up over cameras. In terms of J it
-reads P = A P⁺ Aᵀ + Q with P⁺ = (P⁻¹ + J)⁻¹. All arrays have leading batch axes that broadcast against each other.
+Eq. 4 depends on the measurements only through their information J = HᵀR⁻¹H, which adds up over cameras. In terms of J
+it reads P = A P⁺ Aᵀ + Q with P⁺ = (P⁻¹ + J)⁻¹. All arrays have leading batch axes that broadcast against each other.
 
-This is the door: it checks the arguments, chooses the method and judges the result. The methods themselves are in
-`pss.riccati.methods`, and in `pss.riccati.axes` where the three axes move alike.
+This module is the entry point: it checks the arguments, chooses the method and judges the result. The methods are in
+`pss.riccati.methods`, and in `pss.riccati.axes` for equal axes.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ __all__ = [
 Method = Literal["auto", "axes", "eigenstructure", "doubling", "scipy"]
 Unsolvable = Literal["raise", "nan"]
 
-# A matrix further from symmetric than this (relative to its largest entry) is a mistake, not rounding.
+# A matrix less symmetric than this (relative to its largest entry) is an error, not rounding.
 SYMMETRY_TOLERANCE = 1e-9
 
 
@@ -52,18 +52,19 @@ def steady_state_covariance(
         Q: process noise covariance of one time step, (..., n, n), positive semidefinite
         H: measurement Jacobian, stacked over the cameras (Eq. 5), (..., m, n)
         R: measurement noise covariance, block-diagonal over the cameras (Eq. 5), (..., m, m), positive definite
-        method: ``eigenstructure`` (MacFarlane–Potter–Fath, Eqs. 6–8; A must be invertible), ``doubling`` (structure-
-            preserving doubling; (A, Q) must be stabilisable), ``scipy`` (a loop over ``solve_discrete_are``), ``axes``
-            (A = A₀ ⊗ I₃ and Q = Q₀ ⊗ I₃ without batch axes, positions measured alone: `pss.riccati.axes`) or ``auto``:
-            the fastest that is safe, which is ``axes`` or another closed form where A = I and Q = qI, else ``axes``
-            where it may, else ``doubling``. All but ``eigenstructure`` take a singular A
+        method: ``eigenstructure`` (MacFarlane–Potter–Fath, Eqs. 6–8; A must be invertible), ``doubling``
+            (structure-preserving doubling; (A, Q) must be stabilisable), ``scipy`` (a loop over
+            ``solve_discrete_are``), ``axes`` (A = A₀ ⊗ I₃ and Q = Q₀ ⊗ I₃ without batch axes, position measurements
+            only: `pss.riccati.axes`) or ``auto``: the fastest safe one, which is ``axes`` or another closed form where
+            A = I and Q = qI, else ``axes`` where it applies, else ``doubling``. All but ``eigenstructure`` accept a
+            singular A
         unsolvable: ``raise``, or ``nan`` to fill the systems without a solution with nan
 
     Returns:
         P∞ in the state's units squared (m² for positions), (..., n, n), symmetric
 
     Raises:
-        ShapeError: the arrays do not fit each other
+        ShapeError: the shapes of the arrays do not match
         RangeError: a value is not finite, Q is not positive semidefinite, R not positive definite, method unknown
         RiccatiError: a system has no stabilising solution (a mode that doesn't decay is not measured, or not excited),
             or none that double precision can reach; the message names the first batch indices and the reason
@@ -80,24 +81,24 @@ def steady_state_covariance_from_information(
 ) -> Floats:
     """As `steady_state_covariance`, from the information J = HᵀR⁻¹H, (..., n, n), in place of H and R.
 
-    J is relative to the state: per m² for positions. Precision: an eigenvalue of J that is r times the largest is known
-    to a relative eps/r only, and so is the part of P∞ that hangs on it; below `RANK_TOLERANCE` it counts as zero.
+    J is relative to the state: per m² for positions. Precision: an eigenvalue of J that is r times the largest has a
+    relative error of eps/r, and so has the part of P∞ that depends on it; below `RANK_TOLERANCE` it counts as zero.
 
     Raises:
-        ShapeError, RangeError, RiccatiError: as there; J must be symmetric positive semidefinite
+        ShapeError, RangeError, RiccatiError: as in `steady_state_covariance`; J must be symmetric positive semidefinite
     """
     return _solve(_array("A", A), _array("Q", Q), _array("J", J), method, unsolvable, None)
 
 
 def measurement_information(H: ArrayLike, R: ArrayLike) -> Floats:
-    """Information J = HᵀR⁻¹H that one frame's measurements carry, (..., n, n), per unit of state squared.
+    """Information J = HᵀR⁻¹H of one frame's measurements, (..., n, n), per unit of state squared.
 
     Args:
         H: measurement Jacobian, (..., m, n)
         R: measurement noise covariance, (..., m, m), positive definite
 
     Raises:
-        ShapeError: R does not fit H
+        ShapeError: the shape of R does not match H
         RangeError: a value is not finite, or R is not symmetric positive definite
     """
     jacobian = _array("H", H)
@@ -117,11 +118,11 @@ def posterior_covariance(P: ArrayLike, J: ArrayLike) -> Floats:
     """Covariance P⁺ = (P⁻¹ + J)⁻¹ after a measurement update, (..., n, n), without inverting P or J.
 
     Args:
-        P: a-priori covariance, (..., n, n), positive semidefinite (singular is fine)
+        P: a-priori covariance, (..., n, n), positive semidefinite (may be singular)
         J: information of the measurements, (..., n, n), positive semidefinite
 
     Raises:
-        ShapeError: the arrays do not fit each other
+        ShapeError: the shapes of the arrays do not match
         RangeError: a value is not finite, or a matrix is not symmetric positive semidefinite
     """
     prior = _square("P", _array("P", P))
@@ -135,7 +136,7 @@ def posterior_covariance(P: ArrayLike, J: ArrayLike) -> Floats:
 def riccati_residual(A: ArrayLike, Q: ArrayLike, J: ArrayLike, P: ArrayLike) -> Floats:
     """Relative residual of Eq. 4, (...,): the Frobenius norm of right minus left side over that of P.
 
-    Both are taken in units of P's own standard deviations, so that metres and metres per second weigh alike.
+    Both are in units of P's standard deviations, so that metres and metres per second have equal weight.
 
     Raises:
         ShapeError, RangeError: as in `steady_state_covariance_from_information`; P must be positive semidefinite
@@ -197,7 +198,7 @@ def _walks(A: Floats, Q: Floats) -> bool:
 
 
 def _by_axis(A0: Floats, Q0: Floats, J: Floats) -> tuple[Floats, Failures, Floats]:
-    """P, failures and the error of P, for J (..., n, n) of positions alone."""
+    """P, failures and the error of P, for J (..., n, n) of positions only."""
     batch, states = J.shape[:-2], J.shape[-1]
     positions = J[..., :3, :3].reshape(-1, 3, 3)
     _require_symmetric("J", positions)
@@ -219,7 +220,7 @@ def _by_closed_form(step_variance: Floats, J: Floats) -> tuple[Floats, Failures,
 def _by_matrix(
     A: Floats, Q: Floats, J: Floats, method: Method, measurement: tuple[Floats, Floats] | None
 ) -> tuple[Floats, Failures, Floats]:
-    """The same by one of the methods on whole matrices."""
+    """The same by one of the methods for whole matrices."""
     require_semidefinite("J", J)
     batch, states = _batch_shape(A=A, Q=Q, J=J), A.shape[-1]
     undetectable = methods.undetectable(A, J)
@@ -239,7 +240,7 @@ def _by_matrix(
         error = methods.residuals(A, Q, J, P.reshape(batch + (states, states)))[1]
     P, error = P.reshape(batch + (states, states)), error.reshape(batch)
     failures = {"not detectable": undetectable} | {reason: mask.reshape(batch) for reason, mask in failures.items()}
-    # Written so that nan counts as refused.
+    # Written so that nan counts as a refusal.
     return P, failures | {methods.REFUSED: ~(error <= REFUSE_ABOVE)}, error
 
 
@@ -275,7 +276,7 @@ def _require_symmetric(name: str, M: Floats) -> None:
 
 
 def require_semidefinite(name: str, M: Floats) -> None:
-    """Refuse matrices (..., n, n) that are not symmetric positive semidefinite but for rounding.
+    """Raise unless matrices (..., n, n) are symmetric positive semidefinite up to rounding.
 
     Raises:
         RangeError: with the asymmetry, or the negative eigenvalue
@@ -285,7 +286,7 @@ def require_semidefinite(name: str, M: Floats) -> None:
 
 
 def _refuse_negative(name: str, eigenvalues: Floats) -> None:
-    """Refuse ascending eigenvalues, (..., n), of which one is negative by more than rounding."""
+    """Raise if one of ascending eigenvalues, (..., n), is negative by more than rounding."""
     negative = eigenvalues[..., 0] < -RANK_TOLERANCE * np.abs(eigenvalues[..., -1])
     if negative.any():
         lowest = eigenvalues[..., 0][negative].min()

@@ -1,13 +1,13 @@
-"""Expectations over which cameras find a point, where each does so with a probability of its own.
+"""Expectations over which cameras find a point, each with its own probability.
 
-Given the views, cameras find a point independently of each other: what makes one miss it (its own blur, size, angle and
-noise) is in its probability, and says nothing of another's. Then a set S of the cameras finds it with probability
-Π p Π (1 − p), and an expectation is a sum over the sets. A set that does not fix the point (fewer than two cameras, or
-two in line with it) finds nothing.
+Given the views, detections by different cameras are independent: a camera's blur, size, angle and noise are part of its
+own probability. A set S of the cameras finds the point with probability Π p Π (1 − p), and an expectation is a sum over
+the sets. A set that does not determine the point (fewer than two cameras, or two collinear with it) counts as not
+finding it.
 
-Up to `EXACT_CAMERAS` cameras of 0 < p < 1 at a point all their sets are summed. For more, the sum is taken over
-`DRAWN_SETS` sets drawn with a fixed seed, each beside its mirror image (u and 1 − u): a mean is then off by at most
-about 1/64 of the standard deviation over the sets.
+Up to `EXACT_CAMERAS` cameras with 0 < p < 1 at a point, all their sets are summed. For more, the sum is over
+`DRAWN_SETS` sets drawn with a fixed seed, in antithetic pairs (u and 1 − u): a mean is then accurate to about 1/64 of
+the standard deviation over the sets.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ class Expected:
     """Expectations at N points.
 
     Attributes:
-        found: probability that a set of cameras finds the point that fixes it, (N,).
-        inverse_sigma: 1/m, E[1/√λmax C_S], 0 where no such set finds it, (N,).
+        found: probability that the set of cameras that find the point determines it, (N,).
+        inverse_sigma: 1/m, E[1/√λmax C_S], with 0 for a set that does not determine it, (N,).
         covariance_m2: m², E[C_S | found], (N, 3, 3); nan where `found` is 0.
         information: 1/m², E[Λ_S | found], entries xx, xy, xz, yy, yz, zz, (6, N); 0 where `found` is 0.
     """
@@ -52,9 +52,9 @@ def expected(information: Floats, probability: Floats, always: Floats | None = N
     """Expectations over the sets of C cameras that find N points.
 
     Args:
-        information: 1/m², HᵀR⁻¹H of each camera where it finds the point, six entries, (C, 6, N).
-        probability: that it does, (C, N).
-        always: 1/m², six entries of what is measured in any case, (6, N).
+        information: 1/m², HᵀR⁻¹H of each camera if it finds the point, six entries, (C, 6, N).
+        probability: probability that a camera finds the point, (C, N).
+        always: 1/m², six entries of the information available in any case, (6, N).
     """
     N = probability.shape[1]
     sure = probability >= 1
@@ -77,7 +77,7 @@ def expected(information: Floats, probability: Floats, always: Floats | None = N
 
 
 def _sets(p: Floats) -> tuple[Floats, Floats]:
-    """Sets of c cameras with probabilities (c, n): who is in each, (S, c, n), and the sets' probabilities, (S, n)."""
+    """Sets of c cameras with probabilities (c, n): their members, (S, c, n), and the sets' probabilities, (S, n)."""
     count, points = p.shape
     if count <= EXACT_CAMERAS:
         bits = (np.arange(2**count)[:, None] >> np.arange(count)) & 1
@@ -89,7 +89,7 @@ def _sets(p: Floats) -> tuple[Floats, Floats]:
 
 
 def _fill(result: Expected, part: NDArray[np.intp], information: Floats, weight: Floats) -> None:
-    """Sum over sets with information (S, 6, n) and probabilities (S, n), into the points `part` of `result`."""
+    """Add the sums over sets with information (S, 6, n) and probabilities (S, n) to the points `part` of `result`."""
     fixed, smallest = resolvable(information)
     weight = np.where(fixed, weight, 0.0)
     found = weight.sum(axis=0)

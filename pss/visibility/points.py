@@ -1,6 +1,6 @@
-"""Which camera sees which point: field of view, the point's own surface, what stands in between (section 4.1).
+"""Which camera sees which point: field of view, the point's own surface, and occluders (section 4.1).
 
-Each test is a small unit that can be left out, tightened, or joined by a user's own.
+Each test is independent: it can be omitted, tightened, or combined with user-defined ones.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ from pss.surrogates import Shape, any_blocks
 __all__ = ["VISIBILITY_TESTS", "FieldOfView", "Occlusion", "SelfOcclusion", "VisibilityTest", "visible_points"]
 
 
-# A line of sight ends this far in front of its point, so that the surface that bears the point does not hide it.
+# A line of sight ends this far in front of its point, so that the surface at the point does not occlude it.
 CLEARANCE_M = 1e-4
 
 
 class VisibilityTest(Protocol):
-    """One reason for a camera not to see a point. A user's own is any object with these two members."""
+    """One condition for a camera to see a point. User-defined tests have the same two members."""
 
     @property
     def name(self) -> str:
-        """How the test is listed."""
+        """The test's name in lists."""
         ...
 
     def passed(self, views: Views, candidates: Bools, occluder: Sequence[Shape]) -> Bools:
-        """Where the point stays visible, (C, N); only `candidates` (C, N) need an answer."""
+        """Where the point stays visible, (C, N); values outside `candidates` (C, N) do not matter."""
         ...
 
 
@@ -77,13 +77,13 @@ class SelfOcclusion:
 
 @dataclass(frozen=True)
 class Occlusion:
-    """No shape stands in the line of sight, which ends `clearance_m` in front of the surface."""
+    """No shape blocks the line of sight, which ends `clearance_m` in front of the surface."""
 
     clearance_m: float = CLEARANCE_M
     name: str = "occlusion"
 
     def passed(self, views: Views, candidates: Bools, occluder: Sequence[Shape]) -> Bools:
-        """Where nothing blocks, (C, N); False outside the candidates."""
+        """Where nothing blocks the line of sight, (C, N); False outside the candidates."""
         clear = candidates.copy()
         if not occluder:
             return clear
@@ -101,7 +101,7 @@ VISIBILITY_TESTS: tuple[VisibilityTest, ...] = (FieldOfView(), SelfOcclusion(), 
 def visible_in(
     views: Views, occluder: Sequence[Shape] = (), tests: Sequence[VisibilityTest] = VISIBILITY_TESTS
 ) -> Bools:
-    """Where all `tests` are passed, (C, N); a point at or behind a camera's lens is never visible to it."""
+    """Where all `tests` pass, (C, N); a point at or behind a camera's lens is never visible to it."""
     seen = np.asarray(views.depth_m > 0)
     for test in tests:
         seen &= test.passed(views, seen, occluder)
@@ -119,9 +119,9 @@ def visible_points(
 
     Args:
         points_m: m, (N, 3).
-        normals: unit outward normals, (N, 3); a point whose surface looks away is hidden by its own object.
-        occluder: shapes that block lines of sight, the objects that bear the points among them.
-        tests: those that count, in the order in which they are asked.
+        normals: unit outward normals, (N, 3); a point whose surface faces away is occluded by its own object.
+        occluder: shapes that block lines of sight, including the objects that bear the points.
+        tests: the tests to apply, in this order.
 
     Returns:
         (C, N) booleans.
