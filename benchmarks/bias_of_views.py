@@ -16,13 +16,14 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+import scenes
 from pss import PTZCamera
 from pss.cameras.views import Views
 from pss.noise.photometric import sides_e
 from pss.visibility.targets import WholeTarget, blur_modules, narrow_side_px
 from render.light.estimated_light import estimated_appearance
 from render.world.state import Marker
-from scenes import Scene, load_scene
+from scenes import Scene
 from tests.helpers.exact_drawing import draw_exactly
 from validate.bank.design import BankDesign, held_out_views
 from validate.markers.localise import Localised, register
@@ -95,7 +96,7 @@ def main() -> None:
     cv2.setNumThreads(1)
     print("light  which                 markers  white e-  bias RMS  median   largest  physical 1 + b'R⁻¹b/2  floor")
     for light in options.lights:
-        of = biases(load_scene(ROOM, [f"light.radiance_w_per_m2_sr={light}"]), options.step)
+        of = biases(scenes.load(ROOM, [f"light.radiance_w_per_m2_sr={light}"]), options.step)
         bias, physical, change = of["bias"], of["physical"], of["perspective"]
         floor_px = float(np.sqrt(np.mean(bias**2)))
         groups = {"all": np.ones(len(bias), dtype=bool)}

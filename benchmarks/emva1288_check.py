@@ -28,10 +28,10 @@ from numpy.typing import NDArray
 if __package__ in (None, ""):  # run as a script: the project's root is the parent of this file's folder
     sys.path[0] = str(Path(__file__).resolve().parents[1])
 
+import scenes
 from benchmarks.ring_light_figure import draw_ring_light
 from benchmarks.sensor_figures import BAND, draw_fall_off, draw_photon_transfer
 from pss import ImageSensor
-from scenes import load_scene
 from scenes.reading.sensor_file import known_sensors
 from tests.helpers.photon_transfer import (
     BEYOND_SATURATION,
@@ -197,11 +197,11 @@ def main() -> int:
         parser.error(f"no sensor {', '.join(sorted(unknown))}; allowed: {', '.join(known_sensors())}")
     good = True
     for number, name in enumerate(options.sensors):
-        sensor = load_scene(ROOT / "scenes" / "room.toml", [f"sensor.name={name}"]).sensor
+        sensor = scenes.load(ROOT / "scenes" / "room.toml", [f"sensor.name={name}"]).sensor
         good &= table(name, sensor, *measure(sensor, options, options.seed + number))
     options.figures.mkdir(parents=True, exist_ok=True)
     name = "machine-vision-global-shutter"
-    sensor = load_scene(ROOT / "scenes" / "room.toml", [f"sensor.name={name}"]).sensor
+    sensor = scenes.load(ROOT / "scenes" / "room.toml", [f"sensor.name={name}"]).sensor
     law = draw_photon_transfer(options.figures / "photon-transfer.png", sensor, options.seed)
     fall_off = draw_fall_off(options.figures / "cos4.png", sensor, options.seed)
     ring_light = draw_ring_light(options.figures / "ring-light.png")

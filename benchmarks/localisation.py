@@ -19,6 +19,7 @@ from unittest.mock import patch
 import cv2
 import numpy as np
 
+import scenes
 from render import backend
 from render.lens.sampling import Sampling
 from render.random_streams import random_stream
@@ -26,7 +27,6 @@ from render.renderer import Renderer
 from render.sensor import capture
 from render.store.folder import Store
 from render.store.light import baked
-from scenes import load_scene
 from validate.markers import localise as localisation
 from validate.markers import marker_image, registration
 from validate.markers.cramer_rao import centre_bound, draw_finely, on_marker, pixel_sums
@@ -46,7 +46,7 @@ class Room:
     """The shipped room, with a renderer."""
 
     def __init__(self, store: Path) -> None:
-        self.scene = load_scene(Path(__file__).parents[1] / "scenes" / "room.toml")
+        self.scene = scenes.load(Path(__file__).parents[1] / "scenes" / "room.toml")
         self.sensor, self.dictionary = self.scene.sensor, self.scene.state.print.dictionary
         self.ids = [marker.id for marker in self.scene.state.markers]
         self.chosen = backend.choose()

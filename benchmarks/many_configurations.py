@@ -20,10 +20,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+import scenes
 from pss import noise_model
 from pss.cameras.views import Views
 from pss.visibility.points import VISIBILITY_TESTS, visible_in
-from scenes import load_scene
 from validate.bank.design import BankDesign, ViewBank, draw_configurations, held_out_views
 from validate.bank.judge import predictions
 from validate.bank.leaderboard import single_frame_terms
@@ -46,7 +46,7 @@ MODEL = "corrected"
 
 def drawn_bank(views: int) -> tuple[ViewBank, BankData]:
     """The room's cameras at random settings, and detections around the projections of what each sees."""
-    scene = load_scene("scenes/room.toml")
+    scene = scenes.load("scenes/room.toml")
     settings = -(-views // len(scene.cameras))
     bank = held_out_views(scene, BankDesign(settings=settings, turns=1, trials=TRIALS, seed=SEED), "none")
     bank = dataclasses.replace(bank, views=bank.views[:views])

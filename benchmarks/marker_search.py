@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 if __name__ == "__main__":
     sys.path[0] = str(Path(__file__).resolve().parents[1])
 
+import scenes
 from benchmarks import drawn_markers
 from benchmarks.drawn_markers import Drawing, edge_pictures, pictures
 from pss import ImageSensor
@@ -35,7 +36,7 @@ from render.store.folder import Store
 from render.store.light import baked
 from render.store.views import certificate_of, load_view, save_view
 from render.world.marker_print import predefined_dictionary
-from scenes import Scene, load_scene
+from scenes import Scene
 from validate.markers.detect import find_markers
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -181,7 +182,7 @@ def _views(scene: Scene, store: Store) -> Iterator[RenderedView]:
 
 def scene_rows(store: Store, room_store: Store) -> Iterator[Row]:
     """A row for each scene; of the room, all views of a store of it."""
-    room = load_scene(ROOT / "scenes" / "room.toml")
+    room = scenes.load(ROOT / "scenes" / "room.toml")
     row = Row("room")
     for path in sorted(room_store.folder.glob("views/*/*.exr")):
         view = load_view(room_store, path.stem)
@@ -189,12 +190,12 @@ def scene_rows(store: Store, room_store: Store) -> Iterator[Row]:
             _rendered(row, view, room.state.print.dictionary)
     yield row
     for name in ("atrium", "hallway", "workshop"):
-        scene = load_scene(ROOT / "scenes" / f"{name}.toml")
+        scene = scenes.load(ROOT / "scenes" / f"{name}.toml")
         row = Row(name)
         for view in _views(scene, store):
             _rendered(row, view, scene.state.print.dictionary)
         yield row
-    lab = load_scene(ROOT / "docs" / "examples" / "lab.toml", LAB)
+    lab = scenes.load(ROOT / "docs" / "examples" / "lab.toml", LAB)
     row = Row("bright laboratory, 1920 × 1080, f/2.8")
     for view in _views(lab, store):
         _rendered(row, view, lab.state.print.dictionary)

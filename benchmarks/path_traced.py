@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 if __name__ == "__main__":
     sys.path[0] = str(Path(__file__).resolve().parents[1])
 
+import scenes
 from pss import Sphere
 from render import backend
 from render.light.radiosity import LIFT_M, solve_light
 from render.world.geometry import Surface, Tile, lamps, surfaces
 from render.world.state import SceneState
-from scenes import load_scene
 
 __all__ = ["path_traced_irradiance", "path_traced_scene"]
 
@@ -109,7 +109,7 @@ def main() -> None:
     parser.add_argument("--samples", type=int, default=1 << 18, help="paths a marker")
     options = parser.parse_args()
     mi = backend.start(backend.choose())
-    state = load_scene(Path(__file__).resolve().parents[1] / "scenes" / "room.toml").state
+    state = scenes.load(Path(__file__).resolve().parents[1] / "scenes" / "room.toml").state
     points, normals = state.points_m, state.normals
     begin = time.perf_counter()
     solved = solve_light(state)

@@ -20,6 +20,7 @@ import numpy as np
 if __name__ == "__main__":
     sys.path[0] = str(Path(__file__).resolve().parents[1])
 
+import scenes
 from benchmarks.rendering_noise import Spent, Study, spent
 from benchmarks.rendering_rivals import NOISE_HEADER, Needed, compare_cycles, compare_plain
 from pss import ImageSensor, PTZCamera
@@ -28,7 +29,7 @@ from render.lens.sampling import Sampling
 from render.renderer import Renderer
 from render.store.folder import Store
 from render.store.light import baked
-from scenes import Scene, load_scene
+from scenes import Scene
 
 ROOT = Path(__file__).resolve().parents[1]
 PARTS = ("ours", "plain", "cycles", "resolution", "bound", "memory")
@@ -130,7 +131,7 @@ def tabulate(renderer: Renderer, mi: Any, head: str, cases: list[Case]) -> None:
 
 def peak_bytes(store: Path, resolution: tuple[int, int]) -> tuple[int, int]:
     """Peak memory of a process that renders one view: before the view, and after it (Linux)."""
-    scene, chosen = load_scene(ROOT / "scenes" / "room.toml"), backend.choose()
+    scene, chosen = scenes.load(ROOT / "scenes" / "room.toml"), backend.choose()
     renderer = Renderer(scene.state, baked(scene.state, Store(store)), chosen)
 
     def peak() -> int:
@@ -156,7 +157,7 @@ def main() -> None:
         options.parts = [part for part in PARTS if part != "cycles" or options.bpy_python]
     if "cycles" in options.parts and not options.bpy_python:
         parser.error("--parts cycles needs --bpy-python")
-    scene, chosen = load_scene(ROOT / "scenes" / "room.toml"), backend.choose()
+    scene, chosen = scenes.load(ROOT / "scenes" / "room.toml"), backend.choose()
     mi = backend.start(chosen)
     meshes, light = spent(lambda: baked(scene.state, Store(options.store)))
     renderer = Renderer(scene.state, meshes, chosen)

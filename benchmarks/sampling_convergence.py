@@ -13,13 +13,13 @@ from pathlib import Path
 import numpy as np
 from scipy.ndimage import maximum_filter, minimum_filter
 
+import scenes
 from render import backend
 from render.lens import thin_lens
 from render.lens.sampling import pixel_means
 from render.light import lit_scene
 from render.light.radiosity import solve_radiosity
 from render.sensor import expected_electrons
-from scenes import load_scene
 
 PIXELS = 4000
 REFERENCE = 16384
@@ -28,7 +28,7 @@ EDGE_CONTRAST = 3.0
 
 def main() -> None:
     """Print the table and the fitted exponents."""
-    scene = load_scene(Path(__file__).parents[1] / "scenes" / "room.toml")
+    scene = scenes.load(Path(__file__).parents[1] / "scenes" / "room.toml")
     chosen = backend.choose()
     mi = backend.start(chosen)
     loaded = lit_scene.load_scene(lit_scene.bake(scene.state, solve_radiosity(scene.state)), mi)

@@ -24,10 +24,11 @@ if __package__ in (None, ""):
 
 import tyro
 
+import scenes
 from render import backend
 from render.store.folder import Store
 from render.store.light import baked
-from scenes import load_scene, load_sweep
+from scenes import load_sweep
 from scenes.steps.sweep_file import SWEEPS
 from validate.acquire import dask_workers
 from validate.acquire.job import Job, Made, Place
@@ -48,7 +49,7 @@ def job_costs(number: int) -> str:
     dask_workers.call = nothing
     chosen = backend.choose()
     job = Job(Place("store", chosen.variant, chosen.identity, 1), "state", "view")
-    scene = pickle.dumps(load_scene(SWEEPS.parent / "hallway.toml").state)
+    scene = pickle.dumps(scenes.load(SWEEPS.parent / "hallway.toml").state)
     lines = []
     with dask_workers.workers_of(Scale(workers=number)) as workers:
         for count, state in ((JOBS, None), (JOBS_WITH_A_STATE, scene)):
@@ -112,7 +113,7 @@ def main(
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         begin = time.perf_counter()
-        baked(load_scene(load_sweep(sweep).scene_path).state, Store(folder / "lit"))
+        baked(scenes.load(load_sweep(sweep).scene_path).state, Store(folder / "lit"))
         size = stored_bytes(folder / "lit")
         print(f"light of the scene: {time.perf_counter() - begin:.1f} s, {size / 1e6:.2f} MB", flush=True)
         one, several = [], []

@@ -11,8 +11,9 @@ from collections.abc import Callable
 import numpy as np
 from scipy.stats import spearmanr
 
+import scenes
 from pss import RandomWalk, evaluate_many, noise_model
-from scenes import Scene, known_sweeps, load_scene, load_sweep
+from scenes import Scene, known_sweeps, load_sweep
 
 Change = Callable[[float], dict[str, object]]
 
@@ -34,15 +35,15 @@ def main() -> None:
     """Print a row for each model, constant and direction."""
     # A sweep of one factor isolates one constant; how the others move its ranks says nothing of cameras to choose from.
     sweeps = [sweep for sweep in map(load_sweep, known_sweeps()) if not sweep.varies_scene]
-    scenes = [load_scene(sweep.scene_path) for sweep in sweeps]
+    rooms = [scenes.load(sweep.scene_path) for sweep in sweeps]
     print("| model | constant | times | PSS | " + " | ".join(f"ρ {sweep.name}" for sweep in sweeps) + " |")
     print("|---" * (4 + len(sweeps)) + "|")
     for model in ("as-printed", "corrected"):
-        for name in constants(scenes[0], model):
+        for name in constants(rooms[0], model):
             before = []
             for by in (1.0, 0.1, 10.0):
                 values = []
-                for sweep, scene in zip(sweeps, scenes, strict=True):
+                for sweep, scene in zip(sweeps, rooms, strict=True):
                     state = scene.state
                     values.append(
                         evaluate_many(

@@ -21,13 +21,13 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+import scenes
 from render import backend
 from render.lens.sampling import Sampling
 from render.renderer import Renderer
 from render.store.folder import Store
 from render.store.light import baked
 from render.store.views import save_view
-from scenes import load_scene
 from scenes.steps.sweep_file import SweepSpec
 from validate.markers.view_measurement import MeasureTask, measure
 
@@ -38,7 +38,7 @@ KIB = 1024
 
 def job(kind: str, width: int, height: int, folder: Path) -> str:
     """Do one job in this process: CPU seconds and peak bytes, in a line."""
-    scene = load_scene(ROOT / "scenes" / "room.toml")
+    scene = scenes.load(ROOT / "scenes" / "room.toml")
     camera = scene.camera("4")
     camera = dataclasses.replace(
         camera,

@@ -23,6 +23,7 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 from rich.console import Console
 
+import scenes
 from pss import PTZCamera
 from render import backend
 from render.lens.sampling import Sampling
@@ -32,7 +33,7 @@ from render.store.folder import atomic_path
 from render.store.light import baked
 from render.store.remote import open_store
 from render.world.state import Room
-from scenes import load_scene, load_sweep
+from scenes import load_sweep
 from validate.acquire.acquire import acquire
 from validate.plots.room3d import COLOUR_MAP, OTHER, VARIED, colour_scale, shared_colours
 from validate.plots.sweep import draw_curves
@@ -61,7 +62,7 @@ def made_sweep() -> tuple[SweepResult, RenderedView]:
     """The sweep's result, and its room from `EYE_M`."""
     store, chosen = open_store("results/store"), backend.choose(None)
     sweep = load_sweep(SWEEP)
-    scene = load_scene(sweep.scene_path)
+    scene = scenes.load(sweep.scene_path)
     planned = plan(sweep, scene, chosen.identity, Sampling(noise_ratio=sweep.render_noise_ratio))
     wanted = [item for views in planned.views for item in views]
     acquired = acquire(wanted, store, chosen, lambda total: ViewProgress(total, Console(stderr=True)))

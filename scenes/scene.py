@@ -32,7 +32,8 @@ from scenes.markers.layout import markers_on, placed_marker, plate_side_m
 from scenes.markers.suit import worn_by
 from scenes.mesh_file import read_files
 from scenes.people.avatar import walking
-from scenes.reading.document import SWEEP_PREFIX, apply_overrides, read_toml, set_value
+from scenes.reading.document import SWEEP_PREFIX, apply_overrides, named_file, read_toml, set_value
+from scenes.reading.inside import SHIPPED
 from scenes.reading.sensor_file import start_from_named_sensor
 from scenes.reading.spec import validate
 from scenes.rules.checks import check_scene, shape_of
@@ -50,7 +51,7 @@ from scenes.schema.scene_tables import (
     SceneSpec,
 )
 
-__all__ = ["Scene", "load_scene"]
+__all__ = ["Scene", "load"]
 
 
 # The noise models whose factors [noise] may switch off.
@@ -97,6 +98,20 @@ class Scene:
             raise SceneError([f'{self.path}: there is no camera "{name}"{hint}; allowed: {", ".join(names)}'])
         return self.cameras[names.index(name)]
 
+    def select(self, *names: str) -> tuple[PTZCamera, ...]:
+        """The cameras of these names, in this order.
+
+        Raises:
+            SceneError: no name, a name twice, or one that no camera has; the message lists the cameras there are.
+        """
+        cameras = tuple(self.camera(name) for name in names)
+        repeated = next((name for name in names if names.count(name) > 1), None)
+        if not names or repeated is not None:
+            given = "no camera is selected" if repeated is None else f'camera "{repeated}" is selected twice'
+            allowed = ", ".join(camera.name for camera in self.cameras)
+            raise SceneError([f"{self.path}: {given}; allowed: one or more of {allowed}, each once"])
+        return cameras
+
     def noise_model(self, name: str) -> NoiseModel:
         """R_k by name with all else that the file sets for predictions: its sensor, [noise] but for `models`."""
         return _noise_model(name, self._spec, self.sensor)
@@ -142,20 +157,23 @@ class Scene:
         return self._spec.model_dump(mode="json", by_alias=True, exclude_none=True)
 
 
-def load_scene(path: str | Path, overrides: Iterable[str] = (), *, allow_outside: bool = False) -> Scene:
-    """The scene in the TOML file at `path`, after `overrides` such as "cameras.2.zoom=4".
+def load(name_or_path: str | Path, overrides: Iterable[str] = (), *, allow_outside: bool = False) -> Scene:
+    """The scene in a TOML file, after `overrides` such as "cameras.2.zoom=4".
 
     Items of a list are addressed by name, or by number from "#1" if they have none. Overrides that begin with "sweep."
     belong to the sweep file and are passed over, so that one list of them can be given to both.
 
     Args:
+        name_or_path: the path of a file that ends in .toml, or the name of a scene that comes with the project, such as
+            "room".
+        overrides: "key=value", the key dotted, the value as TOML writes it; text needs no quotes.
         allow_outside: whether the file, and a backdrop that it names, may name files outside its folder, symbolic links
             followed; if not, each is a problem.
 
     Raises:
         SceneError: with every problem of the file and the overrides, a line each.
     """
-    path = Path(path)
+    path = named_file(name_or_path, SHIPPED, "scene")
     problems = Problems(path, read_toml(path))
     apply_overrides(SceneSpec, (o for o in overrides if not o.strip().startswith(SWEEP_PREFIX)), problems)
     return _scene(path, problems, allow_outside)

@@ -38,9 +38,9 @@ def pytest_runtest_setup(item):
 @pytest.fixture(scope="session")
 def room():
     """The shipped room."""
-    from scenes.scene import load_scene
+    import scenes
 
-    return load_scene(ROOM_FILE)
+    return scenes.load(ROOM_FILE)
 
 
 @pytest.fixture(scope="session")

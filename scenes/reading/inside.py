@@ -8,9 +8,10 @@ from pathlib import Path
 from pss.files import is_inside
 from scenes.errors import Location, Problems
 
-__all__ = ["OUTSIDE", "may_open", "scene_of"]
+__all__ = ["OUTSIDE", "SHIPPED", "may_open", "scene_of"]
 
 SHIPPED = Path(__file__).parents[1]
+"""The folder of the scenes that come with the project."""
 # As in the project's own folder of scenes: files in a folder of such a name stand for scenes in the one above.
 COLLECTED = ("sweeps", "schedules")
 OUTSIDE = "(--allow-outside lets it)"

@@ -23,9 +23,10 @@ from pathlib import Path
 import pytest
 
 import pss
+import scenes
 from pss.metric.table import MetricTable
 from pss.metrics import OF_THE_PAPER
-from scenes import load_scene, load_sweep
+from scenes import load_sweep
 from tests.helpers.documents import BLOCKS, DOCS, PAGES, ROOT, shell_lines, toml_file
 from validate import run_sweep
 from validate.bank import judge
@@ -202,7 +203,7 @@ def test_toml_loads(block, files):
         whole = with_part(tomllib.loads(base.read_text(encoding="utf-8")), document, block.treatment)
         path = base.with_name("part-" + base.name)
         path.write_text(toml_file(whole), encoding="utf-8")
-    (load_sweep if "vary" in tomllib.loads(path.read_text(encoding="utf-8")) else load_scene)(path)
+    (load_sweep if "vary" in tomllib.loads(path.read_text(encoding="utf-8")) else scenes.load)(path)
 
 
 def test_every_command_is_run_or_known_to_be_slow():

@@ -8,10 +8,10 @@ import re
 
 import numpy as np
 
+import scenes
 from render.files.exr import write_view
 from render.lens.sampling import Sampling
 from render.renderer import ViewRequest
-from scenes import load_scene
 from tests.helpers.documents import DOCS, ROOT, blocks_of
 from tests.helpers.drawn_sweep import drawn
 
@@ -29,7 +29,7 @@ def test_the_documented_detector_finds_and_triangulates_drawn_markers(tmp_path, 
     folder = tmp_path / "results" / "zoom"
     (folder / "views").mkdir(parents=True)
     (tmp_path / "scenes").symlink_to(ROOT / "scenes")
-    scene = load_scene(ROOT / "scenes" / "room.toml")
+    scene = scenes.load(ROOT / "scenes" / "room.toml")
     rows = []
     for number, zoom in ((0, 3.0), (1, 3.0), (2, 1.0)):
         camera = dataclasses.replace(scene.cameras[number], zoom=zoom)

@@ -9,10 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+import scenes
 from pss import Appearance, NoiseModel, evaluate_many
 from render.lens.sampling import Sampling
 from render.renderer import ViewRequest
-from scenes import Scene, load_scene
+from scenes import Scene
 from scenes.steps.sweep_file import SWEEPS
 from validate.acquire.acquire import Acquired, Acquisition
 from validate.points.configuration import triangulated_errors
@@ -71,7 +72,7 @@ class Bank:
 
 def gate_bank(renderer: str) -> Bank:
     """The bank that `make test` renders."""
-    scene = load_scene(SWEEPS.parent / "room.toml", GATE_OVERRIDES)
+    scene = scenes.load(SWEEPS.parent / "room.toml", GATE_OVERRIDES)
     views = []
     for name, zoom, focus in GATE_VIEWS:
         camera = dataclasses.replace(scene.camera(name), zoom=zoom, focus_distance_m=focus)

@@ -151,9 +151,9 @@ def a_fault(rng: np.random.Generator, _folder: Path) -> Made:
 
 
 def read_scene(path: Path) -> None:
-    from scenes import load_scene
+    import scenes
 
-    scene = load_scene(path)
+    scene = scenes.load(path)
     json.dumps(scene.resolved(), allow_nan=False)
     for camera in scene.cameras:
         assert np.isfinite(camera.rotation).all()
@@ -163,9 +163,9 @@ def read_scene(path: Path) -> None:
 
 @lru_cache(maxsize=16)
 def _shipped(path: Path) -> Any:
-    from scenes import load_scene
+    import scenes
 
-    return load_scene(path)
+    return scenes.load(path)
 
 
 def read_sweep(path: Path) -> None:

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
+import scenes
 from render.lens.sampling import Sampling
 from render.renderer import Certificate, RenderedView
 from render.store.folder import Store
 from render.store.views import save_view
-from scenes import load_scene, load_sweep
+from scenes import load_sweep
 from validate.acquire.acquire import Acquired, Acquisition
 from validate.commands.report import of_results, write_report
 from validate.markers.view_measurement import ViewMeasurement
@@ -36,7 +37,7 @@ def made_up_run(folder: Path, scene: str, sweeps: dict[str, str]) -> tuple[list[
     for name, text in sweeps.items():
         (folder / f"{name}.toml").write_text(text)
         sweep = load_sweep(folder / f"{name}.toml")
-        made = plan(sweep, load_scene(sweep.scene_path), RENDERER, Sampling())
+        made = plan(sweep, scenes.load(sweep.scene_path), RENDERER, Sampling())
         for wanted in made.views:
             for item in wanted:
                 if item not in acquired.measured:

@@ -7,11 +7,11 @@ from types import SimpleNamespace
 
 import numpy as np
 
+import scenes
 from pss.cameras.motors import PTZLimits, follow
 from pss.noise import Calibration
 from render.store.folder import Store
 from render.store.views import save_view
-from scenes import load_scene
 from scenes.steps.schedule_file import load_schedule
 from tests.helpers.drawn_pixels import acquired_of, levels_at
 from tests.helpers.made_up_run import CERTIFICATE, made_up_view
@@ -48,7 +48,7 @@ def made_up_schedule(folder: Path) -> SimpleNamespace:
     Its zoom limit binds nowhere: runs with it see what those without it see.
     """
     schedule = load_schedule("hallway", FEW)
-    stage = stage_of(schedule, load_scene(schedule.scene_path, SMALL))
+    stage = stage_of(schedule, scenes.load(schedule.scene_path, SMALL))
     runs = [Run(name, limit, _steered(stage, name)) for name in ASSIGNMENTS for limit in schedule.zoom_limits]
     design = design_of(schedule, stage, runs, "made up")
     acquired = acquired_of([(scene, views[k]) for views in design.views for k, scene in enumerate(design.scenes)])

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
+import scenes
 from render.light.estimated_light import estimated_appearance
-from scenes import load_scene, load_sweep
+from scenes import load_sweep
 from validate.points.configuration import predict
 
 __all__ = ["predicted_result"]
@@ -25,7 +26,7 @@ def predicted_result(name: str, measured: Sequence[float] | None = None, every: 
         measured: PSS of its first steps, which are then all; by default of all of its steps, rising from 1 to 2.
     """
     sweep = load_sweep(name)
-    scene = load_scene(sweep.scene_path)
+    scene = scenes.load(sweep.scene_path)
     scene = dataclasses.replace(scene, state=dataclasses.replace(scene.state, markers=scene.state.markers[::every]))
     steps = tuple(dataclasses.replace(step, scene=scene) for step in sweep.configurations(scene))
     pss = np.linspace(1.0, 2.0, len(steps)) if measured is None else np.array(measured)

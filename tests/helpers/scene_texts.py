@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
+import scenes
 import scenes.steps.sweep_file
-from scenes import SceneError, load_scene
+from scenes import SceneError
 
 FOLDER = Path(scenes.__file__).parent
 ROOM = (FOLDER / "room.toml").read_text()
@@ -29,5 +30,5 @@ def write(folder: Path, text: str, name: str = "scene.toml") -> Path:
 
 def scene_problems(folder: Path, text: str, overrides: tuple[str, ...] = ()) -> list[str]:
     with pytest.raises(SceneError) as caught:
-        load_scene(write(folder, text), overrides)
+        scenes.load(write(folder, text), overrides)
     return caught.value.problems

@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 import pss
+import scenes
 from pss import Appearance, Box, Legible, PTZCamera, RangeError, WholeTarget, visibility_tests
 from pss.cameras.views import Views
 from pss.noise import Calibration
 from pss.visibility.points import VISIBILITY_TESTS, visible_in
 from pss.visibility.targets import TARGET_VISIBILITY, blur_modules, narrow_side_px
-from scenes import SceneError, load_scene
+from scenes import SceneError
 
 MODULE_M = 0.02
 LOOK = Appearance(MODULE_M, 1.0, 0.1)
@@ -151,7 +152,7 @@ def test_what_is_wrong_is_one_line(call, said):
 def test_a_scene_says_what_counts_as_seen():
     """`metric.visibility` of a scene file; the paper's by default."""
     room = Path(__file__).parents[2] / "scenes" / "room.toml"
-    assert load_scene(room).visibility == VISIBILITY_TESTS
-    assert load_scene(room, ("metric.visibility=target",)).visibility == TARGET_VISIBILITY
+    assert scenes.load(room).visibility == VISIBILITY_TESTS
+    assert scenes.load(room, ("metric.visibility=target",)).visibility == TARGET_VISIBILITY
     with pytest.raises(SceneError, match=r"metric.visibility.*allowed: one of point, target"):
-        load_scene(room, ("metric.visibility=marker",))
+        scenes.load(room, ("metric.visibility=marker",))

@@ -9,10 +9,11 @@ import OpenImageIO as oiio
 import pytest
 import trimesh
 
+import scenes
 from pss import GeometryError, RangeError
 from render.keys import state_key
 from render.world.backdrop import read_backdrop
-from scenes import SceneError, load_scene
+from scenes import SceneError
 
 WORKSHOP = Path(__file__).parents[2] / "scenes" / "workshop.toml"
 # Mitsuba keeps single precision, of places within some ten metres.
@@ -203,7 +204,7 @@ def in_scene(folder: Path, backdrop: str, keys: str = ""):
     text = (Path(__file__).parents[2] / "scenes" / "room.toml").read_text()
     path = folder / "scene.toml"
     path.write_text(f'{text}\n[backdrop]\nfile = "room.xml"\n{keys}\n')
-    return load_scene(path)
+    return scenes.load(path)
 
 
 def test_a_backdrop_hides_and_counts_in_the_state_by_its_content(tmp_path):
@@ -237,10 +238,10 @@ def test_a_backdrop_in_millimetres_is_hinted_at_and_one_beyond_the_walls_warned_
 
 def test_a_missing_backdrop_is_told_with_all_other_mistakes():
     with pytest.raises(SceneError) as caught:
-        load_scene(WORKSHOP, ["backdrop.file=no.xml", "backdrop.up=x", "cameras.1.zoom=99"])
+        scenes.load(WORKSHOP, ["backdrop.file=no.xml", "backdrop.up=x", "cameras.1.zoom=99"])
     assert len(caught.value.problems) == 2
     with pytest.raises(SceneError) as caught:
-        load_scene(WORKSHOP, ["backdrop.file=no.xml"])
+        scenes.load(WORKSHOP, ["backdrop.file=no.xml"])
     (problem,) = caught.value.problems
     assert (
         'backdrop.file = "no.xml" (override); allowed: a Mitsuba scene (XML) with shapes; there is no such file'

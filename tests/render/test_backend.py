@@ -143,13 +143,13 @@ import numpy as np
 from pathlib import Path
 from render import backend
 from render.renderer import Renderer
-from scenes.scene import load_scene
+import scenes
 from tests.render.test_backend import MARKER, SAMPLING
 from tests.helpers.views import window
 from render.store.light import baked
 from render.store.folder import Store
 
-room = load_scene(sys.argv[1])
+room = scenes.load(sys.argv[1])
 renderer = Renderer(room.state, baked(room.state, Store(Path(sys.argv[2]))), backend.choose("scalar_rgb"))
 camera = window(room.camera("4"), room.state.points_m[MARKER])
 view = renderer.render(renderer.request(camera, room.sensor, SAMPLING))

@@ -10,13 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import scenes
 import scenes.schema.scene_tables
 from pss import Appearance, ImageSensor, PTZCamera, RangeError
 from render.lens.sampling import Sampling
 from render.light.exposure import AutoExposure, choose_exposure
 from render.sensor import expected_electrons
 from render.store.folder import Store
-from scenes import load_scene, load_sweep
+from scenes import load_sweep
 from validate.acquire.auto_exposure import with_exposures
 from validate.sweeps.sweep import plan
 
@@ -148,7 +149,7 @@ def ring(text: str) -> str:
 
 def load(folder, text=AUTO, *overrides):
     (folder / "scene.toml").write_text(text)
-    return load_scene(folder / "scene.toml", overrides)
+    return scenes.load(folder / "scene.toml", overrides)
 
 
 def test_a_scene_of_auto_exposure_waits_for_a_number(tmp_path):

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import trimesh
 
+import scenes
 from pss import Box, ImageSensor, PTZCamera, Sphere
 from pss.surrogates import Mesh
 from pss.visibility.points import visible_points
@@ -24,7 +25,6 @@ from render.world import lit_meshes
 from render.world.lit_meshes import SHEET_M, lit_mesh
 from render.world.meshes import FEWEST_PATCHES, MOST_MESH_PATCHES, mesh_patches, patches_wanted, shares, skin
 from render.world.state import Light, MarkerPrint, Panel, Room, SceneObject, SceneState
-from scenes import load_scene
 
 WORKSHOP = Path(__file__).parents[2] / "scenes" / "workshop.toml"
 BOX = Box("body", (-0.9, -0.9, 0.3), (-0.3, -0.3, 0.9))
@@ -245,7 +245,7 @@ class EvenLight:
 @pytest.mark.render
 def test_what_the_prediction_hides_is_not_in_the_render(mi):
     """Markers of the shipped workshop, in the layer of marker numbers of all its cameras."""
-    scene = load_scene(WORKSHOP)
+    scene = scenes.load(WORKSHOP)
     state = scene.state
     renderer = Renderer(state, lit_scene.bake(state, EvenLight()), backend.choose())
     numbers, compared, hidden = np.array([marker.id for marker in state.markers]), 0, 0

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+import scenes
 from pss import ImageSensor, PTZCamera, Rectangle
 from render import backend
 from render.lens import motion
@@ -16,7 +17,7 @@ from render.light import lit_scene
 from render.light.radiosity import solve_light
 from render.renderer import Renderer
 from render.world.state import Light, Marker, MarkerPrint, Motion, Room, SceneObject, SceneState
-from scenes import SceneError, load_scene
+from scenes import SceneError
 from tests.conftest import ROOM_FILE
 from tests.helpers.views import centroid, variance
 
@@ -142,11 +143,11 @@ def test_what_does_not_move_in_the_image_needs_one_scene():
 
 def test_the_scene_file_says_what_moves():
     """Velocity in m/s; spin as a camera pans, from +y to +x, about the shape's middle."""
-    scene = load_scene(ROOM_FILE, ["objects.ball.velocity_m_per_s=[0, 1.5, 0]", "objects.board.spin_deg_per_s=90"])
+    scene = scenes.load(ROOM_FILE, ["objects.ball.velocity_m_per_s=[0, 1.5, 0]", "objects.board.spin_deg_per_s=90"])
     how = {item.shape.name: item.motion for item in scene.state.objects}
     ball, board = (next(o.shape for o in scene.state.objects if o.shape.name == name) for name in ("ball", "board"))
     assert how["ball"] == Motion((0.0, 1.5, 0.0), (0.0, 0.0, 0.0), ball.centre_m)
     assert how["board"] == Motion((0.0, 0.0, 0.0), (0.0, 0.0, -90.0), board.centre_m)
-    assert all(item.motion is None for item in load_scene(ROOM_FILE).state.objects)
+    assert all(item.motion is None for item in scenes.load(ROOM_FILE).state.objects)
     with pytest.raises(SceneError, match=r"velocity_m_per_s.*allowed: \[x, y, z\], in metres per second"):
-        load_scene(ROOM_FILE, ["objects.ball.velocity_m_per_s=1.5"])
+        scenes.load(ROOM_FILE, ["objects.ball.velocity_m_per_s=1.5"])

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 import scipy.stats
 
+import scenes
 from pss import ImageSensor
-from scenes import load_scene
 from tests.helpers.photon_transfer import (
     BEYOND_SATURATION,
     Characterisation,
@@ -39,7 +39,7 @@ WORTH |= {"dsnu_e": 0.02, "dark_current_e_per_s": 0.005}
 
 
 def named(name: str) -> ImageSensor:
-    return load_scene(ROOM, [f"sensor.name={name}"]).sensor
+    return scenes.load(ROOM, [f"sensor.name={name}"]).sensor
 
 
 def series(laboratory: Laboratory, levels: int) -> list[Level]:

@@ -110,11 +110,11 @@ import sys
 from pathlib import Path
 import numpy as np
 from tests.render.test_processors import as_x86_64_v3, made
-from scenes import load_scene
+import scenes
 from render.store.folder import Store
 
 as_x86_64_v3()
-np.savez(sys.argv[3], **made(load_scene(sys.argv[1]), Store(Path(sys.argv[2]))))
+np.savez(sys.argv[3], **made(scenes.load(sys.argv[1]), Store(Path(sys.argv[2]))))
 """
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import scenes
 from pss import Appearance, PTZCamera, RangeError, evaluate
 from render import backend
 from render.lens import thin_lens
@@ -17,7 +18,7 @@ from render.light import lit_scene
 from render.light.radiosity import UnitLight, solve_light
 from render.renderer import Renderer
 from render.world.state import Light, MarkerPrint, Panel, Room, SceneState
-from scenes import SceneError, load_scene
+from scenes import SceneError
 from tests.helpers.scene_texts import ROOM
 
 pytestmark = pytest.mark.render
@@ -71,7 +72,7 @@ def test_light_falls_with_the_cosine_of_incidence(mi, wall, turn_deg):
 
 def test_prediction_and_render_have_the_same_light(mi):
     """The radiance that the noise factor reckons with, from `glow.appearance`, is that of the rendered plate."""
-    room = load_scene(Path(__file__).parents[2] / "scenes" / "room.toml")
+    room = scenes.load(Path(__file__).parents[2] / "scenes" / "room.toml")
     state = dataclasses.replace(room.state, light=Light(0.0, (), INTENSITY))
     meshes = lit_scene.bake(state, solve_light(state))
     renderer = Renderer(state, meshes, backend.choose())
@@ -116,12 +117,12 @@ def test_the_scene_file_switches_the_light(tmp_path):
     end = next(i for i in range(start + 1, len(lines)) if lines[i].startswith("["))
     ring = lines[: start + 1] + ['kind = "ring"', "ring_w_per_sr = 0.4", ""] + lines[end:]
     (tmp_path / "ring.toml").write_text("\n".join(ring))
-    scene = load_scene(tmp_path / "ring.toml")
+    scene = scenes.load(tmp_path / "ring.toml")
     assert scene.state.light == Light(0.0, (), 0.4)
     assert isinstance(solve_light(scene.state), UnitLight)
     (tmp_path / "both.toml").write_text("\n".join(ring).replace('"ring"', '"ambient"', 1))
     with pytest.raises(SceneError) as caught:
-        load_scene(tmp_path / "both.toml")
+        scenes.load(tmp_path / "both.toml")
     text = str(caught.value)
     assert 'light.ring_w_per_sr = 0.4; allowed: not beside kind = "ambient"' in text
     assert "light.panels is missing; allowed: at least one" in text

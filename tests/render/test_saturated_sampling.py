@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from scipy.ndimage import maximum_filter
 
+import scenes
 from pss import ImageSensor
 from render.lens.sampling import Sampling, sample_image
 from render.renderer import certify
 from render.sensor import capture, surely_saturated
-from scenes import SceneError, load_scene
+from scenes import SceneError
 
 ROOT = Path(__file__).parents[2]
 SIZE = 32
@@ -120,11 +121,11 @@ def test_the_certificate_leaves_saturated_pixels_out():
 def test_light_of_no_world_is_refused(key, value, allowed):
     """Brighter than the sun's disc, exposures of years, pixels smaller than light: a line with the value."""
     with pytest.raises(SceneError, match=rf"{key} = \S+ \(override\); allowed: .*{allowed}"):
-        load_scene(ROOT / "scenes" / "bench.toml", [f"{key}={value}"])
+        scenes.load(ROOT / "scenes" / "bench.toml", [f"{key}={value}"])
 
 
 def test_the_sun_itself_is_allowed():
     """The bound belongs to what is allowed, and has the sun's figures: 1361 W/m² from a disc of 0.2666° radius."""
-    scene = load_scene(ROOT / "scenes" / "bench.toml", ["light.radiance_w_per_m2_sr=2e7"])
+    scene = scenes.load(ROOT / "scenes" / "bench.toml", ["light.radiance_w_per_m2_sr=2e7"])
     disc_sr = np.pi * np.sin(np.radians(0.2666)) ** 2
     assert scene.state.light.radiance_w_per_m2_sr == pytest.approx(1361 / disc_sr, rel=0.01)

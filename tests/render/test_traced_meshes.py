@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import scenes
 from pss import Sphere
 from pss.surrogates import any_blocks
 from render.light.radiosity import solve_light
 from render.world.traced_meshes import TracedMeshes, joined_meshes, with_traced_meshes
-from scenes import load_scene
 
 HALLWAY = Path(__file__).parents[2] / "scenes" / "hallway.toml"
 SEGMENTS = 20_000
@@ -23,7 +23,7 @@ SAME_LIGHT = 1e-3
 
 @pytest.fixture(scope="module")
 def hallway():
-    return load_scene(HALLWAY).state
+    return scenes.load(HALLWAY).state
 
 
 @pytest.fixture(scope="module")

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 import trimesh
 
+import scenes
 from pss import PTZCamera, evaluate
-from scenes import SceneError, load_scene
+from scenes import SceneError
 from scenes.markers.layout import overlapping
 from scenes.markers.plates import stand_off_problem
 from scenes.markers.suit import SUIT_KEYS, SUIT_SIZE, suit_markers
@@ -264,7 +265,7 @@ def test_an_arm_hides_the_flank_and_another_avatar_all_behind_it():
 
 @pytest.fixture(scope="module")
 def hallway():
-    return load_scene(HALLWAY)
+    return scenes.load(HALLWAY)
 
 
 def test_the_shipped_hallway_is_the_papers(hallway):
@@ -297,11 +298,11 @@ def test_who_is_moved_walks_on(hallway):
     """The phase follows the way, unless the file says it: a foot that bears the body stays where it is."""
     mesh = hallway.state.objects[0].shape
     stride_m = stride_of_speed(1.2, 1.75)
-    on = load_scene(HALLWAY, [f"objects.H1.position_m=[-0.8, {-2.0 + 2 * stride_m}]"])
+    on = scenes.load(HALLWAY, [f"objects.H1.position_m=[-0.8, {-2.0 + 2 * stride_m}]"])
     moved = on.state.objects[0].shape.vertices_m
     np.testing.assert_allclose(moved, mesh.vertices_m + [0, 2 * stride_m, 0], atol=ROUNDING_M)
     assert [marker.id for marker in on.state.markers] == [marker.id for marker in hallway.state.markers]
-    still = load_scene(HALLWAY, ["objects.H1.speed_m_per_s=0", "objects.H1.stride_m=1.4", "objects.H1.phase=0.5"])
+    still = scenes.load(HALLWAY, ["objects.H1.speed_m_per_s=0", "objects.H1.stride_m=1.4", "objects.H1.phase=0.5"])
     assert still.state.objects[0].motion is None
     assert np.ptp(still.state.objects[0].shape.vertices_m[:, 1]) > 0.7
     again = still.resolved()["objects"][0]
@@ -329,7 +330,7 @@ BROKEN = [
 @pytest.mark.parametrize(("override", "said", "allowed"), BROKEN, ids=[override for override, _, _ in BROKEN])
 def test_a_broken_rule_is_one_line(override, said, allowed):
     with pytest.raises(SceneError) as caught:
-        load_scene(HALLWAY, [f"objects.{override}"])
+        scenes.load(HALLWAY, [f"objects.{override}"])
     (problem,) = caught.value.problems
     start = said if "objects." in said else f"objects.H1.{said}"
     assert problem.partition("hallway.toml: ")[2].startswith(start)
@@ -339,10 +340,10 @@ def test_a_broken_rule_is_one_line(override, said, allowed):
 def test_avatars_may_pass_as_near_as_their_cylinders(hallway):
     """What the line says is allowed is allowed."""
     with pytest.raises(SceneError) as caught:
-        load_scene(HALLWAY, ["objects.H1.position_m=[0.1, 2.0]"])
+        scenes.load(HALLWAY, ["objects.H1.position_m=[0.1, 2.0]"])
     least = float(str(caught.value).partition("at least ")[2].split()[0])
     assert 0.5 < least < 1.2
-    passing = load_scene(HALLWAY, [f"objects.H1.position_m=[{0.8 - least}, 2.0]"])
+    passing = scenes.load(HALLWAY, [f"objects.H1.position_m=[{0.8 - least}, 2.0]"])
     assert len(passing.state.markers) == 2 * SUIT_SIZE
 
 
@@ -365,4 +366,4 @@ def test_plates_stay_clear_of_other_objects(tmp_path):
     path = tmp_path / "hallway.toml"
     path.write_text(HALLWAY.read_text() + board)
     with pytest.raises(SceneError, match=r'objects\.H1\.position_m.*allowed: .*sticks through "board"'):
-        load_scene(path, ["objects.H1.phase=0.5"])
+        scenes.load(path, ["objects.H1.phase=0.5"])

@@ -17,6 +17,7 @@ import trimesh
 
 import pss.files
 import render.images
+import scenes
 import scenes.errors
 import scenes.mesh_file
 from pss import GeometryError, PSSError
@@ -26,7 +27,7 @@ from pss.surrogates import Mesh, _mesh_files
 from render.store.folder import Store
 from render.world.backdrop import read_backdrop
 from render.world.state import Light, MarkerPrint, Room, SceneState
-from scenes import SceneError, load_scene, load_sweep
+from scenes import SceneError, load_sweep
 from scenes.steps.schedule_file import load_schedule
 from validate.run_sweep import main
 
@@ -89,10 +90,10 @@ def test_a_scene_does_not_open_files_outside_its_folder(home, way):
     (mine / "folder").symlink_to(home)
     file = {"up": "../crate.ply", "absolute": str(home / "crate.ply"), "link": "link.ply"}.get(way, "folder/crate.ply")
     path = write(mine / "scene.toml", ROOM + CRATE.format(file=file))
-    said = problem_of(load_scene, path)
+    said = problem_of(scenes.load, path)
     assert said.startswith(f'{path}: objects.crate.file = "')
     assert "leads outside (--allow-outside" in said
-    scene = load_scene(path, allow_outside=True)
+    scene = scenes.load(path, allow_outside=True)
     assert scene.state.objects[-1].shape.name == "crate"
     # What was allowed once stays so where the scene is changed.
     assert scene.with_settings({"sensor.exposure_ms": 3.0}).state.objects[-1].shape.name == "crate"
@@ -103,7 +104,7 @@ def test_nothing_is_told_of_what_is_outside(home):
     lines = []
     for file in ("../crate.ply", "../there-is-none.ply"):
         path = write(home / "mine" / "scene.toml", ROOM + CRATE.format(file=file))
-        lines.append(problem_of(load_scene, path).replace(file, "FILE"))
+        lines.append(problem_of(scenes.load, path).replace(file, "FILE"))
     assert lines[0] == lines[1]
 
 
@@ -113,12 +114,12 @@ def test_folders_below_and_links_within_are_inside(home):
     crate(mine / "parts" / "crate.ply")
     (mine / "link.ply").symlink_to("parts/crate.ply")
     for file in ("parts/crate.ply", "parts/../parts/crate.ply", "link.ply", str(mine / "parts" / "crate.ply")):
-        assert load_scene(write(mine / "scene.toml", ROOM + CRATE.format(file=file))).state.objects[-1].shape.name
+        assert scenes.load(write(mine / "scene.toml", ROOM + CRATE.format(file=file))).state.objects[-1].shape.name
 
 
 def test_a_step_of_a_sweep_does_not_lead_outside_either(home):
     crate(home / "mine" / "crate.ply")
-    scene = load_scene(write(home / "mine" / "scene.toml", ROOM + CRATE.format(file="crate.ply")))
+    scene = scenes.load(write(home / "mine" / "scene.toml", ROOM + CRATE.format(file="crate.ply")))
     with pytest.raises(SceneError, match="leads outside"):
         scene.with_settings({"objects.crate.file": "../crate.ply"})
 
@@ -128,7 +129,7 @@ def test_paths_that_are_no_files_are_one_line(home, file):
     os.mkfifo(home / "mine" / "pipe.ply")
     path = write(home / "mine" / "scene.toml", ROOM + CRATE.format(file=file))
     for outside in (False, True):
-        assert "objects.crate.file = " in problem_of(load_scene, path, allow_outside=outside)
+        assert "objects.crate.file = " in problem_of(scenes.load, path, allow_outside=outside)
 
 
 def test_is_inside_by_hand(tmp_path):
@@ -211,7 +212,7 @@ def test_the_other_commands_have_it_too(command, capsys):
 def test_a_toml_file_that_would_take_too_much_is_one_line(tmp_path, content, said):
     path = tmp_path / "x.toml"
     path.write_bytes(content)
-    for read in (read_toml, load_scene, load_sweep, Calibration.from_file):
+    for read in (read_toml, scenes.load, load_sweep, Calibration.from_file):
         line = problem_of(read, path)
         assert line.startswith(f"{path}: ")
         assert said in line
@@ -247,7 +248,7 @@ MANY_OBJECTS = (
 )
 def test_a_scene_that_asks_for_too_much_is_one_line(tmp_path, text, start, allowed):
     path = write(tmp_path / "scene.toml", text)
-    said = problem_of(load_scene, path)
+    said = problem_of(scenes.load, path)
     assert said.startswith(f"{path}: {start}")
     assert allowed in said
 
@@ -294,9 +295,9 @@ def test_meshes_are_counted_together(tmp_path, monkeypatch):
     second = CRATE.format(file="crate.ply").replace('"crate"', '"other"')
     path = write(tmp_path / "scene.toml", ROOM + CRATE.format(file="crate.ply") + second.replace("1.0,", "2.0,"))
     monkeypatch.setattr(scenes.mesh_file, "MOST_FACES_IN_ALL", 24)
-    load_scene(path)
+    scenes.load(path)
     monkeypatch.setattr(scenes.mesh_file, "MOST_FACES_IN_ALL", 23)
-    said = problem_of(load_scene, path)
+    said = problem_of(scenes.load, path)
     assert 'objects.other.file = "crate.ply"; allowed: at most 23 faces in all meshes of the scene' in said
 
 
@@ -304,7 +305,7 @@ def test_many_mistakes_are_told_up_to_a_number(tmp_path):
     lines = "".join(f"key{number} = 1\n" for number in range(30_000))
     path = write(tmp_path / "scene.toml", lines + ROOM)
     with pytest.raises(SceneError) as caught:
-        load_scene(path)
+        scenes.load(path)
     most = scenes.errors.MOST_PROBLEMS
     assert len(caught.value.problems) == most + 1
     assert caught.value.problems[-1] == f"{path}: there are more problems; these are the first {most}"
@@ -313,7 +314,7 @@ def test_many_mistakes_are_told_up_to_a_number(tmp_path):
 def test_keys_do_not_speak_to_the_terminal_or_break_the_line(tmp_path):
     path = write(tmp_path / "scene.toml", '"a\\n\\u001b[31m\\u009bb" = 1\n' + f'"{"k" * 9000}" = 1\n' + ROOM)
     with pytest.raises(SceneError) as caught:
-        load_scene(path)
+        scenes.load(path)
     first, second = caught.value.problems
     assert first.startswith(path.as_posix() + r": a\n\x1b[31m\x9bb = 1; unknown key")
     assert len(second) < len(str(path)) + 400
@@ -350,19 +351,19 @@ def test_a_hall_whose_light_is_a_matrix_too_large_is_refused():
 def test_numbers_beyond_measure_are_told(tmp_path, old, new, key):
     path = write(tmp_path / "scene.toml", changed(ROOM, old, new).replace("module_mm = 14.0", "module_mm = 1e18"))
     with pytest.raises(SceneError) as caught:
-        load_scene(path)
+        scenes.load(path)
     assert any(key in line for line in caught.value.problems)
 
 
 def test_an_override_beyond_measure_is_told_too():
-    said = problem_of(load_scene, FOLDER / "room.toml", ["cameras.2.zoom=1e300"])
+    said = problem_of(scenes.load, FOLDER / "room.toml", ["cameras.2.zoom=1e300"])
     assert 'override "cameras.2.zoom=1e300"; ' in said
 
 
 def test_a_suit_of_modules_without_measure_is_told(tmp_path):
     walk = (FOLDER / "hallway.toml").read_text(encoding="utf-8")
     text = changed(walk, "first_id = 0 }", "first_id = 0, head_module_mm = 1e30 }")
-    said = problem_of(load_scene, write(tmp_path / "scene.toml", text))
+    said = problem_of(scenes.load, write(tmp_path / "scene.toml", text))
     assert "objects.H1.markers.head_module_mm = 1e+30; allowed: at most" in said
 
 
@@ -562,10 +563,10 @@ def test_a_backdrop_may_name_files_of_the_scenes_folder_and_with_the_option_any(
     scene = write(home / "scene.toml", ROOM + '\n[backdrop]\nfile = "mine/parts/room.xml"\nposition_m = [0, 2, 1]\n')
     shutil.copy(home / "crate.ply", home / "mine" / "crate.ply")
     # The scene's folder counts, not the backdrop's own.
-    assert len(load_scene(scene).state.objects) == 4
+    assert len(scenes.load(scene).state.objects) == 4
     inner = write(home / "mine" / "parts" / "scene.toml", scene.read_text().replace("mine/parts/", ""))
-    assert "leads outside the scene's folder" in problem_of(load_scene, inner)
-    assert len(load_scene(inner, allow_outside=True).state.objects) == 4
+    assert "leads outside the scene's folder" in problem_of(scenes.load, inner)
+    assert len(scenes.load(inner, allow_outside=True).state.objects) == 4
     assert len(read_backdrop(path).parts) == 1
 
 

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 import trimesh
 
+import scenes
 import scenes.markers.spread
 import scenes.mesh_file
 from pss.surrogates import Mesh
 from render.keys import state_key
-from scenes import SceneError, load_scene
+from scenes import SceneError
 from scenes.markers.layout import PLATE_OFFSET_M, plate_corners_m
 from scenes.markers.spread import spread_over
 from scenes.mesh_file import holds, posed
@@ -54,7 +55,7 @@ def crate() -> trimesh.Trimesh:
 def load(folder: Path, body: trimesh.Trimesh | None = None, text: str = LARGER + CRATE, name: str = "crate.ply"):
     (crate() if body is None else body).export(folder / name)
     (folder / "scene.toml").write_text(text)
-    return load_scene(folder / "scene.toml")
+    return scenes.load(folder / "scene.toml")
 
 
 def refused(folder: Path, *arguments) -> list[str]:
@@ -107,7 +108,7 @@ def test_a_file_without_normals_is_as_good_as_one_with(tmp_path):
     (tmp_path / "scene.toml").write_text(LARGER + CRATE)
     for content in (bare, said):
         (tmp_path / "crate.ply").write_bytes(content)
-        scene = load_scene(tmp_path / "scene.toml")
+        scene = scenes.load(tmp_path / "scene.toml")
         assert scene.warnings == ()
         meshes.append(scene.state.objects[-1].shape)
     assert meshes[0].digest == meshes[1].digest
@@ -178,7 +179,7 @@ def test_a_file_without_a_mesh_is_one_line(content, said, tmp_path):
     (tmp_path / "crate.ply").write_bytes(content)
     (tmp_path / "scene.toml").write_text(LARGER + CRATE)
     with pytest.raises(SceneError) as caught:
-        load_scene(tmp_path / "scene.toml")
+        scenes.load(tmp_path / "scene.toml")
     (problem,) = caught.value.problems
     assert 'objects.crate.file = "crate.ply"; allowed: a mesh with triangles' in problem
     assert said in problem

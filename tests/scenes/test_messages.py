@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import scenes
-from scenes import SceneError, load_scene
+from scenes import SceneError
 from validate.run_sweep import main
 
 ROOM = Path(scenes.__file__).parent / "room.toml"
@@ -42,7 +42,7 @@ def room_without(tmp_path):
 )
 def test_a_scene_without_cameras_names_them_as_toml_does(room_without, cameras, before, value):
     with pytest.raises(SceneError) as caught:
-        load_scene(room_without(cameras, before))
+        scenes.load(room_without(cameras, before))
     [line] = caught.value.problems
     assert f"cameras {value}" in line
     assert "allowed: at least one [[cameras]], each a table with name, position_m" in line
@@ -54,17 +54,17 @@ def test_a_scene_without_cameras_names_them_as_toml_does(room_without, cameras, 
 )
 def test_numbers_that_are_none_are_told_from_a_wrong_shape(override, value):
     with pytest.raises(SceneError) as caught:
-        load_scene(ROOM, [override])
+        scenes.load(ROOM, [override])
     assert any(f"= {value}" in line and "finite numbers, not nan or inf" in line for line in caught.value.problems)
     with pytest.raises(SceneError) as caught:
-        load_scene(ROOM, ["cameras.1.position_m=[0,1]"])
+        scenes.load(ROOM, ["cameras.1.position_m=[0,1]"])
     assert "finite" not in str(caught.value)
 
 
 def test_a_byte_order_mark_is_passed_over(tmp_path):
     """As Windows' editors write it."""
     (tmp_path / "room.toml").write_bytes(b"\xef\xbb\xbf" + ROOM.read_bytes())
-    assert load_scene(tmp_path / "room.toml").resolved() == load_scene(ROOM).resolved()
+    assert scenes.load(tmp_path / "room.toml").resolved() == scenes.load(ROOM).resolved()
 
 
 def test_a_folder_is_told_from_a_file(tmp_path, capsys):

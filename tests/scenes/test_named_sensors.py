@@ -9,8 +9,9 @@ from pathlib import Path
 
 import pytest
 
+import scenes
 import scenes.reading.sensor_file
-from scenes import SceneError, load_scene
+from scenes import SceneError
 from scenes.reading.sensor_file import known_sensors, read_sensor
 from scenes.schema.scene_tables import SensorFileSpec, SensorSpec
 
@@ -58,7 +59,7 @@ def with_sensor(text: str) -> str:
 def load(folder: Path, text: str, *overrides: str):
     path = folder / "scene.toml"
     path.write_text(with_sensor(text))
-    return load_scene(path, overrides)
+    return scenes.load(path, overrides)
 
 
 def problems(folder: Path, text: str, *overrides: str) -> list[str]:
@@ -117,7 +118,7 @@ def test_the_name_as_an_override_is_another_sensor_with_the_old_exposure():
     """The room's own numbers go, as they describe the old sensor; an override after it counts again."""
     name = "low-light-large-pixel"
     overrides = ["sensor.bits=10", f"sensor.name={name}", "sensor.read_noise_e=3"]
-    sensor = load_scene(FOLDER / "room.toml", overrides).sensor
+    sensor = scenes.load(FOLDER / "room.toml", overrides).sensor
     said = read_sensor(name)
     assert (sensor.full_well_e, sensor.bits, sensor.prnu_share) == tuple(
         said[key] for key in ("full_well_e", "bits", "prnu_share")
@@ -127,7 +128,7 @@ def test_the_name_as_an_override_is_another_sensor_with_the_old_exposure():
 
 def test_the_shipped_room_is_as_before():
     """No dark current, no fixed pattern, the full well over the converter's range: results stay comparable."""
-    sensor = load_scene(FOLDER / "room.toml").sensor
+    sensor = scenes.load(FOLDER / "room.toml").sensor
     assert (sensor.dark_current_e_per_s, sensor.prnu_share, sensor.dsnu_e) == (0, 0, 0)
     assert sensor.system_gain_dn_per_e is None
 
@@ -217,6 +218,6 @@ def test_a_sensor_that_is_no_table_is_one_line(tmp_path):
     path = tmp_path / "scene.toml"
     path.write_text("sensor = 3\n" + re.sub(r"(?s)\[sensor\].*?\n\n", "", ROOM))
     with pytest.raises(SceneError) as caught:
-        load_scene(path)
+        scenes.load(path)
     (problem,) = caught.value.problems
     assert "sensor = 3; allowed: a table with " in problem

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import scenes
 import scenes.steps.sweep_file
 from pss import evaluate
-from scenes import load_scene
 
 FOLDER = Path(scenes.__file__).parent
 PLACES = ("room", "atrium", "studio")
@@ -18,7 +18,7 @@ PLACES = ("room", "atrium", "studio")
 
 @pytest.fixture(scope="module")
 def places():
-    return {name: load_scene(FOLDER / f"{name}.toml") for name in PLACES}
+    return {name: scenes.load(FOLDER / f"{name}.toml") for name in PLACES}
 
 
 @pytest.mark.parametrize("name", PLACES[1:])

@@ -10,8 +10,9 @@ import re
 import numpy as np
 import pytest
 
+import scenes
 from pss import ConstantVelocity, PSSError, RandomWalk, Rectangle, Sphere
-from scenes import SceneError, load_scene, load_sweep
+from scenes import SceneError, load_sweep
 from scenes.markers.layout import PLATE_OFFSET_M, overlapping, plate_corners_m, upwards
 from scenes.schema.dictionaries import DICTIONARIES
 from scenes.steps.schedule_file import load_schedule
@@ -32,7 +33,7 @@ ROUNDING_M = 1e-12
 
 @pytest.fixture(scope="module")
 def room():
-    return load_scene(FOLDER / "room.toml")
+    return scenes.load(FOLDER / "room.toml")
 
 
 def test_the_shipped_room_is_the_papers(room):
@@ -55,7 +56,7 @@ def test_cameras_carry_lens_and_pixels_and_look_at_their_aim(room):
 
 
 def test_the_noise_models_have_the_sensors_own_dark_noise(tmp_path):
-    scene = load_scene(FOLDER / "room.toml", ["sensor.read_noise_e=20"])
+    scene = scenes.load(FOLDER / "room.toml", ["sensor.read_noise_e=20"])
     assert [factor.ccd_noise for factor in scene.noise_models[0].factors if factor.name == "resolution"] == [20 / 10000]
 
 
@@ -71,16 +72,16 @@ def test_the_shipped_sweeps_fit_the_shipped_scenes(name, count, monkeypatch, tmp
     monkeypatch.chdir(tmp_path)  # names don't depend on where the command runs
     sweep = load_sweep(name)
     assert (sweep.name, sweep.trials) == (name, 20)
-    assert len(sweep.configurations(load_scene(sweep.scene_path))) == count
+    assert len(sweep.configurations(scenes.load(sweep.scene_path))) == count
 
 
 def test_the_resolved_scene_is_json_and_a_scene_itself(tmp_path):
-    scene = load_scene(FOLDER / "room.toml", ["cameras.2.zoom=4", "process.step_std_mm=2"])
+    scene = scenes.load(FOLDER / "room.toml", ["cameras.2.zoom=4", "process.step_std_mm=2"])
     resolved = json.loads(json.dumps(scene.resolved()))
     assert resolved["cameras"][1]["zoom"] == 4
     assert resolved["process"] == {"model": "random-walk", "step_std_mm": 2}
     assert "pan_deg" not in resolved["cameras"][1]
-    assert load_scene(write(tmp_path, ROOM), ["cameras.2.zoom=4", "process.step_std_mm=2"]).resolved() == resolved
+    assert scenes.load(write(tmp_path, ROOM), ["cameras.2.zoom=4", "process.step_std_mm=2"]).resolved() == resolved
 
 
 # ---- more of everything by editing the text alone ------------------------------------------------------------------
@@ -88,7 +89,7 @@ def test_the_resolved_scene_is_json_and_a_scene_itself(tmp_path):
 
 def test_a_row_of_markers_more(tmp_path):
     text = changed(ROOM, ("rows = 6", "rows = 7"), ("first_id = 48", "first_id = 56"))
-    markers = load_scene(write(tmp_path, text)).state.markers
+    markers = scenes.load(write(tmp_path, text)).state.markers
     assert len(markers) == 8 * 7 + 36
     assert len({marker.id for marker in markers}) == len(markers)
 
@@ -98,7 +99,7 @@ def test_a_camera_more_by_pan_and_tilt(tmp_path):
         '[[cameras]]\nname = "door"\nposition_m = [2.9, -2.9, 2.0]\npan_deg = -45\ntilt_deg = -10\n'
         "zoom = 1\nfocus_distance_m = 3\nf_number = 4\n"
     )
-    camera = load_scene(write(tmp_path, text)).camera("door")
+    camera = scenes.load(write(tmp_path, text)).camera("door")
     assert (camera.pan_deg, camera.tilt_deg, camera.f_number) == (-45, -10, 4)
 
 
@@ -110,16 +111,16 @@ def test_the_lens_of_a_scene_is_that_of_all_its_cameras(tmp_path):
         (changed(ROOM, ("fov_deg = 90.0", keys)), ((-0.1, 0.02), 1.5, 6)),
     ):
         (tmp_path / "lens.toml").write_text(text)
-        for camera in load_scene(tmp_path / "lens.toml").cameras:
+        for camera in scenes.load(tmp_path / "lens.toml").cameras:
             assert (camera.radial_distortion, camera.psf_sigma_um, camera.aperture_blades) == expected
 
 
 def test_an_aperture_may_be_as_wide_as_the_lens_says(tmp_path):
     """The limit itself is allowed; beyond it a file, an override and a sweep are refused alike, a line each."""
     text = changed(ROOM, ("f_number = 1.8", "f_number = 1.8\nwidest_f_number = 1.4"))
-    at_limit = load_scene(write(tmp_path, text), ["cameras.2.f_number=1.4"])
+    at_limit = scenes.load(write(tmp_path, text), ["cameras.2.f_number=1.4"])
     assert (at_limit.camera("2").f_number, at_limit.widest_f_number) == (1.4, 1.4)
-    assert load_scene(write(tmp_path, ROOM)).widest_f_number == 0.5
+    assert scenes.load(write(tmp_path, ROOM)).widest_f_number == 0.5
     allowed = "allowed: 1.4 or more, lens.widest_f_number"
     problems = scene_problems(tmp_path, text, ("cameras.2.f_number=1.2", "lens.f_number=1.3", "cameras.4.zoom=20"))
     assert {f"lens.f_number = 1.3 (override); {allowed}", f"cameras.2.f_number = 1.2 (override); {allowed}"} < {
@@ -135,14 +136,14 @@ def test_an_aperture_may_be_as_wide_as_the_lens_says(tmp_path):
 
 
 def test_a_wide_sensor(tmp_path):
-    scene = load_scene(write(tmp_path, changed(ROOM, ("[1280, 960]", "[1920, 1080]"))))
+    scene = scenes.load(write(tmp_path, changed(ROOM, ("[1280, 960]", "[1920, 1080]"))))
     assert {camera.resolution for camera in scene.cameras} == {(1920, 1080)}
 
 
 def test_another_process_model(tmp_path):
     process = 'model = "constant-velocity"\nacceleration_density_m2_s3 = 0.5\ntime_step_s = 0.04'
     text = re.sub(r'model = "random-walk"\nstep_std_mm.*', process, ROOM)
-    assert load_scene(write(tmp_path, text)).process == ConstantVelocity(0.5, time_step_s=0.04)
+    assert scenes.load(write(tmp_path, text)).process == ConstantVelocity(0.5, time_step_s=0.04)
 
 
 # ---- markers -------------------------------------------------------------------------------------------------------
@@ -197,7 +198,7 @@ def test_what_is_said_to_be_the_largest_module_is(tmp_path):
     """The message's own figure is accepted, and by a brute-force look from the ball's centre 2 % more is too much."""
     (problem,) = scene_problems(tmp_path, changed(ROOM, ("module_mm = 14.0", "module_mm = 60.0")))
     largest = float(re.search(r"at most ([\d.]+)", problem).group(1))
-    scene = load_scene(write(tmp_path, changed(ROOM, ("module_mm = 14.0", f"module_mm = {largest}"))))
+    scene = scenes.load(write(tmp_path, changed(ROOM, ("module_mm = 14.0", f"module_mm = {largest}"))))
     markers = [marker for marker in scene.state.markers if marker.object_name == "ball"]
     ball = scene.state.objects[1].shape
     grid = np.linspace(-0.5, 0.5, 41)
@@ -225,7 +226,7 @@ def test_what_is_said_to_be_the_largest_module_is(tmp_path):
 
 def test_plates_of_a_full_grid_touch_but_do_not_overlap(tmp_path):
     text = changed(ROOM, ("width_m = 2.4", "width_m = 1.28"), ("height_m = 1.8", "height_m = 0.96"))
-    scene = load_scene(write(tmp_path, text))  # 8 × 6 plates of 0.16 m
+    scene = scenes.load(write(tmp_path, text))  # 8 × 6 plates of 0.16 m
     markers = list(scene.state.markers[:48])
     board = scene.state.objects[0].shape
     assert list(overlapping(markers, [0.16] * 48, board)) == []
@@ -246,7 +247,7 @@ module_mm = 10.0
 
 
 def test_a_marker_placed_by_hand(tmp_path):
-    scene = load_scene(write(tmp_path, ROOM + PLACED))
+    scene = scenes.load(write(tmp_path, ROOM + PLACED))
     marker = scene.state.markers[-1]
     assert (marker.id, marker.object_name, len(scene.state.markers)) == (90, "plinth", 85)
     np.testing.assert_allclose(marker.centre_m, (0.25, 0.3 + PLATE_OFFSET_M, 0.4), atol=ROUNDING_M)
@@ -456,13 +457,13 @@ def test_a_broken_rule_is_one_line_with_file_key_value_and_what_is_allowed(what,
 )
 def test_limits_of_single_values(override, allowed):
     with pytest.raises(SceneError) as caught:
-        load_sweep("zoom", [override]) and load_scene(FOLDER / "room.toml", [override])
+        load_sweep("zoom", [override]) and scenes.load(FOLDER / "room.toml", [override])
     (problem,) = caught.value.problems
     assert allowed in problem.partition("allowed: ")[2]
 
 
 def test_a_camera_may_be_aimed_straight_down():
-    scene = load_scene(FOLDER / "room.toml", ["cameras.1.aim_m=[-2.8, 0.2, 1]"])
+    scene = scenes.load(FOLDER / "room.toml", ["cameras.1.aim_m=[-2.8, 0.2, 1]"])
     assert (scene.camera("1").pan_deg, scene.camera("1").tilt_deg) == (0, -90)
 
 
@@ -470,12 +471,12 @@ def test_a_camera_may_be_aimed_straight_down():
 def test_a_camera_may_tilt_to_the_vertical(tilt_deg, allowed):
     overrides = ["cameras.2.pan_deg=0", f"cameras.2.tilt_deg={tilt_deg}"]
     if allowed:
-        assert load_scene(FOLDER / "room.toml", overrides).camera("2").tilt_deg == tilt_deg
+        assert scenes.load(FOLDER / "room.toml", overrides).camera("2").tilt_deg == tilt_deg
     else:
         with pytest.raises(
             SceneError, match=r"cameras\.2\.tilt_deg = -?90\.01 \(override\); allowed: a number from -90 to 90,"
         ):
-            load_scene(FOLDER / "room.toml", overrides)
+            scenes.load(FOLDER / "room.toml", overrides)
 
 
 @pytest.mark.parametrize(
@@ -509,7 +510,7 @@ def test_markers_placed_by_hand_keep_clear_of_others(tmp_path):
     on_board = changed(
         PLACED, ("plinth", "board"), ("[0.25, 0.3, 0.4]", "[0.0, -1.4, 1.3]")
     )  # where four cells of 0.3 m meet; plates of 0.16 and 0.08 m leave 0.14 m between them
-    assert len(load_scene(write(tmp_path, ROOM + on_board)).state.markers) == 85
+    assert len(scenes.load(write(tmp_path, ROOM + on_board)).state.markers) == 85
     (problem,) = scene_problems(tmp_path, ROOM + changed(on_board, ("_mm = 10.0", "_mm = 20.0")))
     assert (
         "markers.placed.#1.centre_m = [0.0, -1.4, 1.3]; allowed: a place clear of the plates of 19, 20, 27, 28"
@@ -556,7 +557,7 @@ def test_four_mistakes_are_four_lines(tmp_path):
         ("[2.8, 1.6, 2.8]", "[3.8, 1.6, 2.8]"),
     )
     with pytest.raises(SceneError) as caught:
-        load_scene(write(tmp_path, text))
+        scenes.load(write(tmp_path, text))
     assert len(caught.value.problems) == 4
     assert str(caught.value).split("\n") == caught.value.problems
     assert isinstance(caught.value, PSSError)
@@ -593,12 +594,12 @@ def test_what_is_no_toml_is_one_line_with_line_and_column(text, place, tmp_path)
 
 def test_a_file_that_is_not_there_or_cannot_be_read_is_one_line(tmp_path):
     with pytest.raises(SceneError, match=r"none\.toml: there is no such file$"):
-        load_scene(tmp_path / "none.toml")
+        scenes.load(tmp_path / "none.toml")
     with pytest.raises(SceneError, match=r": Is a directory$"):
-        load_scene(tmp_path)
+        scenes.load(tmp_path)
     (tmp_path / "latin.toml").write_bytes(b"title = '\xe9'")
     with pytest.raises(SceneError, match=r"latin\.toml: byte 9 is no UTF-8"):
-        load_scene(tmp_path / "latin.toml")
+        scenes.load(tmp_path / "latin.toml")
 
 
 # ---- overrides -----------------------------------------------------------------------------------------------------
@@ -616,7 +617,7 @@ def test_overrides_reach_items_by_name_and_number():
         "sweep.trials=5",  # the sweep file's
         "cameras.2.zoom=5",  # the last word counts
     ]
-    scene = load_scene(FOLDER / "room.toml", overrides)
+    scene = scenes.load(FOLDER / "room.toml", overrides)
     assert scene.camera("2").zoom == 5
     assert scene.state.objects[1].shape.radius_m == 0.35
     assert scene.sensor.exposure_ms == 2
@@ -627,7 +628,7 @@ def test_overrides_reach_items_by_name_and_number():
 
 
 def test_an_override_of_pan_and_tilt_takes_the_place_of_the_aim():
-    scene = load_scene(FOLDER / "room.toml", ["cameras.2.pan_deg=90", "cameras.2.tilt_deg=-20"])
+    scene = scenes.load(FOLDER / "room.toml", ["cameras.2.pan_deg=90", "cameras.2.tilt_deg=-20"])
     assert (scene.camera("2").pan_deg, scene.camera("2").tilt_deg) == (90, -20)
 
 
@@ -712,7 +713,7 @@ def test_the_scene_is_found_from_the_sweep_file(tmp_path):
     write(tmp_path, ROOM, "room.toml")
     sweep = load_sweep(path)
     assert (sweep.name, sweep.scene_path) == ("near", tmp_path / "room.toml")
-    assert len(sweep.configurations(load_scene(sweep.scene_path))) == 12
+    assert len(sweep.configurations(scenes.load(sweep.scene_path))) == 12
 
 
 def test_an_unknown_sweep_is_told_with_the_nearest():
@@ -784,7 +785,7 @@ def test_all_problems_of_a_sweep_come_at_once(tmp_path, room):
 
 def test_a_zoom_that_moves_the_lens_past_the_focus_says_so(tmp_path):
     """At zoom 8 the image distance is 30 mm: a camera focused at 20 mm has no image there."""
-    scene = load_scene(FOLDER / "room.toml", ["cameras.2.focus_distance_m=0.02"])
+    scene = scenes.load(FOLDER / "room.toml", ["cameras.2.focus_distance_m=0.02"])
     with pytest.raises(
         SceneError, match=r"vary\.values = 8\.0; allowed: values that leave focus_distance_m beyond the"
     ):

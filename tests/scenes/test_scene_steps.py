@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import scenes
 import scenes.steps.sweep_file
 from pss import evaluate
 from render.keys import state_key
 from render.lens.sampling import Sampling
-from scenes import SceneError, known_sweeps, load_scene, load_sweep
+from scenes import SceneError, known_sweeps, load_sweep
 from validate.sweeps.sweep import plan
 
 FOLDER = Path(scenes.__file__).parent
@@ -35,7 +36,7 @@ MIDDLE, NORMAL = (0.0, -3.5, 2.2), (0.0, 1.0, 0.0)
 
 @pytest.fixture(scope="module")
 def bench():
-    return load_scene(FOLDER / "bench.toml")
+    return scenes.load(FOLDER / "bench.toml")
 
 
 def steps(name, bench):
@@ -49,7 +50,7 @@ def configurations(folder, text, *replacements):
     path = folder / "sweep.toml"
     path.write_text(text)
     sweep = load_sweep(path)
-    return sweep.configurations(load_scene(sweep.scene_path))
+    return sweep.configurations(scenes.load(sweep.scene_path))
 
 
 def test_sweeps_of_one_factor_are_those_that_vary_the_scene():
@@ -72,7 +73,7 @@ def test_the_factor_sweeps_fit_the_bench(name, bench):
 def test_the_exposure_of_walkers_fits_the_hallway():
     """All steps are one scene without warnings, in which both avatars walk and nothing but the sensor differs."""
     sweep = load_sweep(MOTION)
-    found = sweep.configurations(load_scene(sweep.scene_path))
+    found = sweep.configurations(scenes.load(sweep.scene_path))
     assert [step.scene.sensor.exposure_ms for step in found] == [step.value for step in found]
     assert len({state_key(step.scene.state) for step in found}) == 1
     speeds = [np.linalg.norm(item.motion.velocity_m_per_s) for item in found[0].scene.state.objects]
@@ -188,13 +189,13 @@ def test_a_scene_whose_exposure_is_still_to_be_chosen_is_refused(tmp_path):
     """Steps of another light would each ask for another one."""
     sweep = load_sweep("aperture")
     with pytest.raises(SceneError, match='exposure_ms = "auto"; allowed: a number of ms'):
-        sweep.configurations(load_scene(sweep.scene_path, ["sensor.exposure_ms=auto"]))
+        sweep.configurations(scenes.load(sweep.scene_path, ["sensor.exposure_ms=auto"]))
 
 
 def test_overrides_of_the_scene_hold_at_every_step():
     """A step starts from the scene as it was loaded."""
     sweep = load_sweep("exposure", ["sweep.trials=5"])
-    scene = load_scene(sweep.scene_path, ["sensor.read_noise_e=3", "cameras.1.zoom=2"])
+    scene = scenes.load(sweep.scene_path, ["sensor.read_noise_e=3", "cameras.1.zoom=2"])
     for step in sweep.configurations(scene):
         assert step.scene.sensor.read_noise_e == 3
         assert step.cameras[0].zoom == 2

@@ -12,6 +12,7 @@ import numpy as np
 import tyro
 from rich.table import Table
 
+import scenes
 from pss import RangeError
 from pss.hints import Row
 from pss.json_text import json_text
@@ -19,7 +20,7 @@ from pss.noise import Calibration
 from render import backend
 from render.store.folder import write_text
 from render.store.remote import open_store
-from scenes import Scene, load_scene
+from scenes import Scene
 from scenes.steps.sweep_file import SWEEPS
 from validate.acquire.acquire import Acquired
 from validate.acquire.forecast import announce
@@ -152,13 +153,13 @@ def _banks(
     chosen: backend.Backend,
 ) -> list[ViewBank]:
     """The training bank, that for detection, the one to be judged and, if there is another room, that of the second."""
-    first = load_scene(scene or SWEEPS.parent / "room.toml", overrides, allow_outside=allow_outside)
+    first = scenes.load(scene or SWEEPS.parent / "room.toml", overrides, allow_outside=allow_outside)
     _check_cameras(first)
     training = training_views(first, design, chosen.identity)
     held_out = held_out_views(first, design, chosen.identity)
     banks = [training, detection_views(first, design, chosen.identity), held_out]
     if second_scene is not None:
-        other_scene = load_scene(second_scene, allow_outside=allow_outside)
+        other_scene = scenes.load(second_scene, allow_outside=allow_outside)
         _check_cameras(other_scene)
         banks.append(held_out_views(other_scene, design, chosen.identity))
     for bank in banks:
@@ -209,8 +210,8 @@ def _judge_all(
             calibration = frozen.calibration
             leave(frozen, out)
         calibrated_by = provenance_of(calibration, frozen)
-        scenes = {bank.scene.path.name: bank.scene for bank in (held_out, *others)}
-        predicted_with = {name: judged(scene_contenders(scene, calibration)) for name, scene in scenes.items()}
+        by_file = {bank.scene.path.name: bank.scene for bank in (held_out, *others)}
+        predicted_with = {name: judged(scene_contenders(scene, calibration)) for name, scene in by_file.items()}
         counts = tuple(count for count in COUNTS if count <= len({camera.name for camera in held_out.cameras}))
         levels = process_levels(training, acquired, HEADLINE, design.seed)
         common = (calibration, configurations, design.seed)

@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 import tyro
 from rich.table import Table
 
+import scenes
 from pss.cameras.views import Views
 from pss.hints import Row
 from pss.json_text import json_text
@@ -16,7 +17,7 @@ from pss.visibility.points import visible_in
 from render import backend
 from render.random_streams import random_stream
 from render.store.remote import open_store
-from scenes import Scene, load_scene
+from scenes import Scene
 from scenes.steps.sweep_file import SWEEPS
 from validate.acquire.acquire import Acquired
 from validate.acquire.messages import RunMessages
@@ -79,7 +80,7 @@ def run(
     scale.check()
     check_folders(out, store)
     design = BankDesign(settings=settings, trials=trials, turns=turns, seed=seed)
-    loaded = load_scene(scene or SWEEPS.parent / "room.toml", allow_outside=allow_outside)
+    loaded = scenes.load(scene or SWEEPS.parent / "room.toml", allow_outside=allow_outside)
     opened = open_store(store)
     with RunMessages(width=WIDTH) as messages:
         chosen = backend.choose(variant)

@@ -12,9 +12,9 @@ import numpy as np
 import tyro
 from rich.table import Table
 
+import scenes
 from pss import RangeError
 from pss.hints import Row
-from scenes import load_scene
 from scenes.reading.document import named_file, read_toml
 from validate.markers.darkness import light_words
 from validate.prediction.foresight import Foreseen, camera_rows, foresee, headline, marker_rows, model_rows
@@ -59,7 +59,7 @@ def run(
     drawing = out or Path("results") / "check" / f"{path.stem}.png"
     if "vary" in document and "room" not in document:
         raise RangeError(f"{path} is a sweep; allowed: a scene, such as its own: {document.get('scene')}")
-    seen = foresee(load_scene(path, set, allow_outside=allow_outside))
+    seen = foresee(scenes.load(path, set, allow_outside=allow_outside))
     errors = Console(stderr=True)
     if table is not None:
         print(

@@ -10,13 +10,14 @@ from typing import Annotated, Literal
 import tyro
 from matplotlib.figure import Figure
 
+import scenes
 from pss import RangeError
 from pss.hints import Row
 from render import backend
 from render.lens.sampling import Sampling
 from render.store.folder import Store, StoreError, write_text
 from render.store.remote import open_store
-from scenes import load_scene, load_sweep
+from scenes import load_sweep
 from scenes.steps.schedule_file import load_schedule
 from validate.acquire.acquire import Acquired, Acquisition, acquire
 from validate.acquire.view_names import view_names
@@ -84,7 +85,9 @@ def _static(
     from validate.plots.paper_sweeps import SWEEPS, static_figure, static_rows
 
     sweep = load_sweep(SWEEPS[number])
-    planned = plan(sweep, load_scene(sweep.scene_path), chosen.identity, Sampling(noise_ratio=sweep.render_noise_ratio))
+    planned = plan(
+        sweep, scenes.load(sweep.scene_path), chosen.identity, Sampling(noise_ratio=sweep.render_noise_ratio)
+    )
     wanted = [item for views in planned.views for item in views]
     if dry_run:
         _announce(number, wanted, store)
@@ -105,7 +108,7 @@ def _walk(
     from validate.schedule.training import calibrate_hallway, training_views
 
     file = load_schedule(SCHEDULE)
-    stage = stage_of(file, load_scene(file.scene_path))
+    stage = stage_of(file, scenes.load(file.scene_path))
     errors.print("steering the cameras", markup=False)
     runs = steered_runs(file, stage, {})
     training = training_views(file, stage, chosen.identity)

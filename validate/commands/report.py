@@ -11,6 +11,7 @@ from typing import Annotated, Any
 
 import tyro
 
+import scenes
 from pss import Evaluation
 from pss.json_text import as_json
 from render import backend
@@ -21,7 +22,7 @@ from render.light import lit_scene
 from render.store.folder import Store, StoreError, write_text
 from render.store.light import baked
 from render.store.remote import open_store
-from scenes import load_scene, load_sweep
+from scenes import load_sweep
 from validate.acquire.acquire import Acquisition
 from validate.acquire.auto_exposure import with_exposures
 from validate.markers.view_measurement import ViewMeasurement
@@ -149,7 +150,7 @@ def remade(folder: Path, given: Given = NOTHING_GIVEN, strategy: Sequence[str] =
         scene_path = given.scene_of(folder, option(folder, options, "scene"))
         if scene_path is None:
             given.check_scene_of(folder, sweep.path, scene_path := sweep.scene_path)
-        loaded.append((sweep, load_scene(scene_path, overrides, allow_outside=given.allow_outside)))
+        loaded.append((sweep, scenes.load(scene_path, overrides, allow_outside=given.allow_outside)))
     sweeps = []
     tables = {table.name: table for table in read_sweeps(folder)}
     for sweep, scene in with_exposures(loaded, store, lambda line: None, lambda line: None, chosen):

@@ -11,13 +11,13 @@ from typing import Annotated, Any, Literal
 import tyro
 from rich.table import Table
 
+import scenes
 from pss.hints import Row
 from pss.json_text import json_text
 from pss.noise import Calibration
 from render import backend
 from render.store.folder import Store, atomic_path, write_text
 from render.store.remote import open_store
-from scenes import load_scene
 from scenes.steps.schedule_file import load_schedule
 from validate.acquire.acquire import Acquired, acquire, with_whole_views
 from validate.acquire.forecast import announce
@@ -102,7 +102,7 @@ def run(
     check_folders(folder, store)
     own = dict(own_strategy(each) for each in strategy)
     strategies_of(file, own)  # raises what is wrong with them
-    stage = stage_of(file, load_scene(scene or file.scene_path, overrides, allow_outside=allow_outside))
+    stage = stage_of(file, scenes.load(scene or file.scene_path, overrides, allow_outside=allow_outside))
     check_models(stage.scene, "schedule", FREE_MODELS)
     opened = open_store(store)
     with RunMessages(quiet) as messages:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from scenes import Scene, SceneError, SweepFile, load_scene, load_sweep
+import scenes
+from scenes import Scene, SceneError, SweepFile, load_sweep
 from scenes.steps.measurement import measurement_of
 
 __all__ = ["load_measurement_of", "load_sweeps"]
@@ -23,7 +24,7 @@ def load_sweeps(
     for name in names:
         try:
             sweep = load_sweep(name, overrides, allow_outside=allow_outside)
-            scene = load_scene(scene_path or sweep.scene_path, overrides, allow_outside=allow_outside)
+            scene = scenes.load(scene_path or sweep.scene_path, overrides, allow_outside=allow_outside)
             sweep.configurations(scene)  # raises what is wrong with them
             loaded.append((sweep, scene))
         except SceneError as error:
@@ -41,7 +42,7 @@ def load_measurement_of(
     Raises:
         SceneError: with every problem of the file, the overrides or the cameras.
     """
-    scene = load_scene(path, overrides, allow_outside=allow_outside)
+    scene = scenes.load(path, overrides, allow_outside=allow_outside)
     sweep = measurement_of(scene, cameras, overrides)
     sweep.configurations(scene)  # raises what is wrong with the cameras
     return sweep, scene

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import scenes
 from pss import Evaluation
 from pss.json_text import as_json
 from pss.noise import Calibration
@@ -15,7 +16,6 @@ from render.light import lit_scene
 from render.store.folder import Store, StoreError, write_text
 from render.store.light import baked
 from render.store.remote import open_store
-from scenes import load_scene
 from scenes.steps.schedule_file import load_schedule
 from validate.acquire.acquire import Acquisition
 from validate.bank.judge import scene_contenders
@@ -119,7 +119,7 @@ def remade_schedule(folder: Path, said: Mapping[str, Any], given: Given, strateg
     scene_path = given.scene_of(folder, option(folder, options, "scene"))
     if scene_path is None:
         given.check_scene_of(folder, file.path, scene_path := file.scene_path)
-    stage = stage_of(file, load_scene(scene_path, overrides, allow_outside=given.allow_outside))
+    stage = stage_of(file, scenes.load(scene_path, overrides, allow_outside=given.allow_outside))
     if as_json(file.resolved()) != said["schedule"] or as_json(stage.scene.resolved()) != said["scene"]:
         raise StoreError(
             f"{file.path} or {scene_path} has changed since the run in {folder}; allowed: the files that it was made "

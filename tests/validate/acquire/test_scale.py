@@ -19,6 +19,7 @@ import pytest
 from dask.system import CPU_COUNT
 from rich.console import Console
 
+import scenes
 import validate.acquire.dask_workers as dask_workers
 from pss import MissingLibraryError, PSSError, RangeError
 from render import backend
@@ -27,7 +28,6 @@ from render.lens.sampling import Sampling
 from render.renderer import Certificate
 from render.store.folder import Store, StoreError
 from render.store.light import baked
-from scenes import load_scene
 from tests.helpers.closet import ALONE, DETERMINED, SCENE, SELECTION, SWEEP, command, run
 from tests.helpers.stored_views import MARKER, REQUEST
 from validate.acquire import options
@@ -389,7 +389,7 @@ def test_processes_that_die_are_started_again_and_none_is_left(monkeypatch, tmp_
 def test_two_workers_measure_what_one_process_does(tmp_path):
     """To the last bit: what was measured, and what the views say of themselves."""
     (tmp_path / "closet.toml").write_text(SCENE)
-    scene = load_scene(tmp_path / "closet.toml")
+    scene = scenes.load(tmp_path / "closet.toml")
     chosen = backend.choose()
     wanted = views_of(scene, scene.cameras[:2], Sampling(noise_ratio=0.6), chosen.identity, 3, 2)
     light = Store(tmp_path / "one").light(light_key(scene.state))

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import scipy.stats
 
+import scenes
 from pss import NoiseModel, PTZCamera, RandomWalk, evaluate, noise_model
 from pss.riccati.solve import steady_state_covariance_from_information
 from pss.visibility.points import VISIBILITY_TESTS
-from scenes import load_scene
 from tests.conftest import ROOM_FILE
 from validate import run_sweep
 from validate.bank.design import BankDesign, detection_views, draw_configurations, held_out_views, training_views
@@ -35,7 +35,7 @@ CAMERA = PTZCamera((2.0, -1.0, 2.5), 200, -25, zoom=3, focus_distance_m=3, radia
 
 @pytest.fixture(scope="module")
 def room():
-    return load_scene(ROOM_FILE)
+    return scenes.load(ROOM_FILE)
 
 
 # ---- turned renders --------------------------------------------------------------------------------------------------
@@ -116,7 +116,7 @@ def test_detection_views_are_of_the_training_cameras_at_any_zoom_and_focus(room)
         values = [(c.zoom, c.focus_distance_m / np.linalg.norm(middle - c.position_m))[number] for c in views.cameras]
         edges = np.geomspace(low, high, design.detection_settings + 1)
         assert np.histogram(values, edges)[0].tolist() == [design.training_cameras] * design.detection_settings
-    short = load_scene(ROOM_FILE, ("lens.max_zoom=2.0", *(f"cameras.{number}.zoom=1" for number in range(1, 8))))
+    short = scenes.load(ROOM_FILE, ("lens.max_zoom=2.0", *(f"cameras.{number}.zoom=1" for number in range(1, 8))))
     assert max(camera.zoom for camera in detection_views(short, design, "r").cameras) == 2
 
 
@@ -124,7 +124,7 @@ def test_a_bank_of_cameras_that_cannot_zoom_has_one_zoom():
     """lens.max_zoom = 1 leaves no range to draw from, and 2 a part of the design's."""
     for max_zoom, low, high in ((1.0, 1.0, 1.0), (1.5, 1.5, 1.5), (2.0, 1.5, 2.0)):
         still = tuple(f"cameras.{number}.zoom=1" for number in range(1, 8))
-        scene = load_scene(ROOM_FILE, (f"lens.max_zoom={max_zoom}", *still))
+        scene = scenes.load(ROOM_FILE, (f"lens.max_zoom={max_zoom}", *still))
         for bank in (held_out_views, training_views):
             zooms = [camera.zoom for camera in bank(scene, BankDesign(settings=5), "r").cameras]
             assert low <= min(zooms) <= max(zooms) <= high

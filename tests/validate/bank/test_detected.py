@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import scenes
 from pss import DetectionModel, RandomWalk, evaluate, noise_model
 from pss.cameras.views import Views
 from pss.noise import Calibration
 from pss.visibility.points import VISIBILITY_TESTS, visible_in
 from pss.visibility.targets import TARGET_VISIBILITY
 from render.keys import state_key
-from scenes import load_scene
 from tests.conftest import ROOM_FILE
 from validate.acquire.acquire import Acquired
 from validate.bank.design import BankDesign, held_out_views
@@ -25,7 +25,7 @@ RAMP = {"constant": 5.0, "size": 1.7, "blur": 4.0, "signal": 5.0, "incidence": 0
 @pytest.fixture(scope="module")
 def world():
     """Views of the room whose markers are found in all trials or in none, by a known probability."""
-    room = load_scene(ROOM_FILE)
+    room = scenes.load(ROOM_FILE)
     bank = held_out_views(room, BankDesign(settings=6, turns=1), "r")
     state, look = room.state, room.appearance()
     views = Views(list(bank.cameras), state.points_m, state.normals, look)

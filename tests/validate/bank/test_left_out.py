@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from scenes import load_scene
+import scenes
 from scenes.steps.schedule_file import load_schedule
 from tests.conftest import ROOM_FILE
 from tests.helpers.drawn_pixels import acquired_of
@@ -25,7 +25,7 @@ FEW = ("sweep.walk.steps=3", 'sweep.strategies=["follow"]', 'sweep.zoom_limits=[
 
 def test_a_bank_leaves_the_failed_view_out_with_both_its_renders(monkeypatch, capsys):
     """The other views stay; where too few cameras are left, nothing can be judged."""
-    scene, design = load_scene(ROOM_FILE), BankDesign(settings=2, turns=2)
+    scene, design = scenes.load(ROOM_FILE), BankDesign(settings=2, turns=2)
     training, held_out = training_views(scene, design, "r"), held_out_views(scene, design, "r")
     lost = held_out.views[3]
     acquired = Acquired(failed={lost.renders[1].request.key: CAUSE})
@@ -52,7 +52,7 @@ class _Scene:
 
 
 def _acquired(wanted, failed):
-    scene = load_scene(load_schedule("hallway").scene_path)
+    scene = scenes.load(load_schedule("hallway").scene_path)
     found = acquired_of([(_Scene(scene, item.request.state), [item]) for item in wanted])
     found.failed = dict.fromkeys(failed, CAUSE)
     found.measured = {i: m for i, m in found.measured.items() if i.request.key not in found.failed}

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import scenes
 from pss import ConstantVelocity, NoiseModel, RandomWalk, evaluate
 from pss.errors import RangeError
-from scenes import load_scene
 from tests.conftest import ROOM_FILE
 from validate.bank.design import BankDesign, draw_configurations, held_out_views
 from validate.bank.filtered import filter_all
@@ -31,7 +31,7 @@ def world():
 
     Points that are seen are found in 96 % of the trials; nothing is rendered.
     """
-    scene = load_scene(ROOM_FILE)
+    scene = scenes.load(ROOM_FILE)
     bank = held_out_views(scene, BankDesign(settings=3, turns=1), "r")
     rng = np.random.default_rng(1)
     points = scene.state.points_m

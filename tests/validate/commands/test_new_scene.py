@@ -6,9 +6,10 @@ import re
 
 import pytest
 
+import scenes
 from pss import RangeError
 from render.store.folder import StoreError
-from scenes import load_scene, load_sweep
+from scenes import load_sweep
 from scenes.schema.scene_tables import SceneSpec
 from scenes.steps.sweep_file import SweepSpec
 from validate.commands.new_scene import main, write_new_scene
@@ -42,7 +43,7 @@ def keys_of(model):
 def test_the_files_load_and_belong_together(written):
     """The sweep finds the scene beside it, and every step has cameras that the scene has."""
     scene_path, sweep_path = written
-    scene, sweep = load_scene(scene_path), load_sweep(sweep_path)
+    scene, sweep = scenes.load(scene_path), load_sweep(sweep_path)
     assert len(scene.cameras) == 5
     assert sweep.scene_path == scene_path
     assert [step.label for step in sweep.configurations(scene)] == ["1+2", "1+3", "1+4", "1+5"]
@@ -68,7 +69,7 @@ def test_the_commented_example_of_a_setting_is_a_sweep(written, tmp_path):
     offered = re.search(r"^# \[vary\]\n(?:# \w.*\n)+", text, re.MULTILINE).group().replace("# ", "")
     changed = scene_path.with_name("other-sweep.toml")
     changed.write_text(re.sub(r"^\[vary\]\D[\s\S]*?\n\n", offered + "\n", text, count=1, flags=re.MULTILINE))
-    steps = load_sweep(changed).configurations(load_scene(scene_path))
+    steps = load_sweep(changed).configurations(scenes.load(scene_path))
     assert [step.label for step in steps] == ["zoom=1", "zoom=1.5", "zoom=2", "zoom=3"]
 
 

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
+import scenes
 from pss.errors import RangeError
 from render.backend import OLDEST_LLVM
-from scenes import load_scene
 from scenes.steps.sweep_file import SWEEPS
 from tests.gate import claims
 from validate.findings.readme import BLOCKS, numbered_pages, readme_text, write_pages
@@ -93,7 +93,7 @@ def constants() -> list[str]:
         f"{100 * LEVEL:.0f} % intervals",
         f"{cameras} as their focus moves from {focus['values'][0]:g} m to {focus['values'][-1]:g} m",
         f"{cameras} are alone",
-        f"At {1000 * load_scene(SWEEPS.parent / 'room.toml').process.step_std_m:g} mm of process noise a frame",
+        f"At {1000 * scenes.load(SWEEPS.parent / 'room.toml').process.step_std_m:g} mm of process noise a frame",
         (
             f"over {claims.CONFIGURATIONS} configurations of three and of four cameras has an interval above "
             f"{claims.BOUND:g}"

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import scenes
 from pss import PTZCamera, evaluate
 from pss.cameras.luminous import illuminance_lux, luminous_efficiency
 from pss.cameras.sensor import PLANCK_TIMES_LIGHT_SPEED_J_M
@@ -18,7 +19,6 @@ from render.keys import state_key
 from render.lens.sampling import Sampling
 from render.light.estimated_light import estimated_appearance
 from render.renderer import ViewRequest
-from scenes import load_scene
 from tests.helpers import made_up_run as made_up
 from tests.helpers.closet import SCENE, SWEEP
 from validate.acquire.acquire import Acquired, Acquisition
@@ -40,7 +40,7 @@ SECONDS = "sensor.exposure_ms=0.004"
 
 
 def bench(*overrides):
-    return load_scene(ROOT / "scenes" / "bench.toml", overrides)
+    return scenes.load(ROOT / "scenes" / "bench.toml", overrides)
 
 
 # ---- lux -------------------------------------------------------------------------------------------------------------
@@ -107,7 +107,7 @@ def test_legible_targets_need_light_where_a_sensor_is_known():
 
 def test_check_promises_nothing_in_the_dark(tmp_path, capsys):
     """It promised 28 to 30 markers a camera; the warning has exposure, pixels and lux to find the slip in."""
-    seen = foresee(load_scene(ROOT / "scenes" / "room.toml", [SECONDS]))
+    seen = foresee(scenes.load(ROOT / "scenes" / "room.toml", [SECONDS]))
     for row in camera_rows(seen):
         assert row["likely_found"] == 0
         assert row["too_small"] + row["too_blurred"] + row["too_dark"] == row["whole"]
@@ -126,7 +126,7 @@ def test_check_promises_nothing_in_the_dark(tmp_path, capsys):
 def test_check_has_nothing_against_the_shipped_scenes():
     """Every marker that their cameras see is well above the limit."""
     for name in ("room", "atrium", "studio", "workshop"):
-        seen = foresee(load_scene(ROOT / "scenes" / f"{name}.toml"))
+        seen = foresee(scenes.load(ROOT / "scenes" / f"{name}.toml"))
         assert seen.contrast[seen.legible].min() > 1.5 * LEAST_CONTRAST_OVER_NOISE
         assert not seen.too_dark.any()
         assert not any("dark" in line for line in warnings_of(seen))
@@ -182,4 +182,4 @@ def test_the_report_blames_light_only_where_it_is_light(exposure, cause, tmp_pat
 def load_scene_of(folder, text):
     path = folder / "closet.toml"
     path.write_text(text)
-    return load_scene(path)
+    return scenes.load(path)

@@ -14,8 +14,8 @@ from matplotlib.collections import PolyCollection
 from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox
 
+import scenes
 from pss import Box
-from scenes import load_scene
 from tests.helpers.layout_of_words import assert_words_are_legible, drawable
 from tests.helpers.predicted_result import predicted_result
 from validate.plots.glyphs import settle_words
@@ -68,7 +68,7 @@ def drawn_state(state, eye, colours=None):
 
 def test_boxes_are_drawn(result):
     """The room's plinth has patches, and its front is seen: darker than the wall behind it."""
-    state = load_scene("scenes/room.toml").state
+    state = scenes.load("scenes/room.toml").state
     eye = Eye(state.room, 20.0, 62.0)
     plinth = next(item for item in state.objects if isinstance(item.shape, Box))
     without = dataclasses.replace(state, objects=tuple(item for item in state.objects if item is not plinth))
@@ -92,7 +92,7 @@ def test_boxes_are_drawn(result):
 )
 def test_a_marker_is_seen_where_the_eye_has_a_line_of_sight(elevation_deg, azimuth_deg):
     """Its middle has its own colour exactly if no object is before it: by the shapes' own test of lines of sight."""
-    state = load_scene("scenes/room.toml").state
+    state = scenes.load("scenes/room.toml").state
     eye = Eye(state.room, elevation_deg, azimuth_deg)
     own = np.zeros((len(state.markers), 4))
     own[:, 0], own[:, 1], own[:, 3] = 1.0, np.arange(len(own)) / len(own), 1.0

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from matplotlib.text import Annotation, Text
 
-from scenes import load_scene
+import scenes
 from tests.helpers.layout_of_words import assert_words_are_legible, drawable, extents
 from validate.plots.camera_table import MOST_BESIDE
 from validate.plots.glyphs import glyph_runs
@@ -28,7 +28,7 @@ NO_FONT = "\U000e0041"  # a letter that is in no font
 
 def around(count, name=lambda number: str(number + 1)):
     """The room with so many cameras around it, and a few of its markers."""
-    scene = load_scene(ROOM)
+    scene = scenes.load(ROOM)
     state = dataclasses.replace(scene.state, markers=scene.state.markers[::6])
     cameras = []
     for number in range(count):

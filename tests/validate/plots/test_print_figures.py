@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+import scenes
 from pss import RangeError
-from scenes import load_scene, load_sweep
+from scenes import load_sweep
 from tests.helpers.predicted_result import predicted_result
 from validate.commands.figures import run
 from validate.plots.paper_sweeps import ILLUSTRATED, SWEEPS, shown_steps, static_figure, static_rows
@@ -29,7 +30,7 @@ def result():
 def test_the_sweeps_have_the_steps_that_the_paper_illustrates(number):
     """Zoom ×4 and ×7, focus at 2 and 5 m, cameras 1+3 and 1+6; a sweep without them shows an early and the last."""
     sweep = load_sweep(SWEEPS[number])
-    labels = [step.label for step in sweep.configurations(load_scene(sweep.scene_path))]
+    labels = [step.label for step in sweep.configurations(scenes.load(sweep.scene_path))]
     assert tuple(labels[step] for step in shown_steps(number, labels)) == ILLUSTRATED[number]
     assert shown_steps(number, ["a", "b", "c", "d", "e"]) == (1, 4)
 

@@ -16,13 +16,13 @@ import numpy as np
 import pytest
 
 import pss
+import scenes
 from pss import RangeError
 from pss.noise.calibrated import Calibration
 from pss.visibility.points import visible_points
 from render.light.estimated_light import estimated_irradiance
 from render.light.radiosity import solve_radiosity
 from render.world.state import Light, Panel
-from scenes import load_scene
 from validate.commands.check import main, run
 from validate.plots.plan import plan_figure
 from validate.prediction import foresight as module
@@ -40,12 +40,12 @@ PINHOLE_RELATIVE = 0.02
 @pytest.fixture(scope="module")
 def seen():
     """The paper's room, foreseen."""
-    return foresee(load_scene(ROOT / "scenes" / "room.toml"))
+    return foresee(scenes.load(ROOT / "scenes" / "room.toml"))
 
 
 def bench(*overrides):
     """The bench with some keys changed."""
-    return load_scene(ROOT / "scenes" / "bench.toml", overrides)
+    return scenes.load(ROOT / "scenes" / "bench.toml", overrides)
 
 
 def test_rows_count_what_the_metric_sees(seen):
@@ -152,15 +152,15 @@ def test_reflected_light_by_hand():
 def test_warnings_name_cameras_and_markers():
     """A camera that looks away, one out of focus, markers that one camera sees, and too much light."""
     room = ROOT / "scenes" / "room.toml"
-    away = warnings_of(foresee(load_scene(room, ["cameras.4.aim_m=[0.0, 2.9, 2.8]"])))
+    away = warnings_of(foresee(scenes.load(room, ["cameras.4.aim_m=[0.0, 2.9, 2.8]"])))
     assert any("camera 4 sees no marker" in line for line in away)
-    blurred = warnings_of(foresee(load_scene(room, ["cameras.4.focus_distance_m=0.2"])))
+    blurred = warnings_of(foresee(scenes.load(room, ["cameras.4.focus_distance_m=0.2"])))
     assert any("camera 4" in line and "too blurred" in line for line in blurred)
-    bright = warnings_of(foresee(load_scene(room, ["sensor.exposure_ms=400.0"])))
+    bright = warnings_of(foresee(scenes.load(room, ["sensor.exposure_ms=400.0"])))
     assert sum("times the saturation" in line for line in bright) == 7
-    usual = warnings_of(foresee(load_scene(room)))
+    usual = warnings_of(foresee(scenes.load(room)))
     (line,) = [line for line in usual if "fewer than two cameras and" in line]
-    lost = [row["marker"] for row in marker_rows(foresee(load_scene(room))) if row["visible_to"] < 2]
+    lost = [row["marker"] for row in marker_rows(foresee(scenes.load(room))) if row["visible_to"] < 2]
     assert line.startswith(f"{len(lost)} of 84")
     assert not any("saturation" in line or "sees no" in line for line in usual)
 

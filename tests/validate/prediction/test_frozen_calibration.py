@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+import scenes
 from pss.noise import Calibration
-from scenes import load_scene
 from tests.helpers.drawn_pixels import acquired_of
 from validate import run_sweep
 from validate.bank import acquire as prepare
@@ -32,7 +32,7 @@ def judged(tmp_path, monkeypatch):
 
     def acquire(items, *_):
         wanted.extend(items)
-        return acquired_of([(load_scene(SCENES / "studio.toml"), list(items))])
+        return acquired_of([(scenes.load(SCENES / "studio.toml"), list(items))])
 
     monkeypatch.setattr(prepare, "acquire", acquire)
     monkeypatch.setattr(bank, "COUNTS", (bank.HEADLINE,))
@@ -60,7 +60,7 @@ def test_only_what_is_judged_is_wanted_and_the_file_is_what_is_judged(judged, tm
     """Two files, R and four times R: NEES is a fourth, and nothing else of the pixels is another number."""
     out, run, wanted = judged(FILE)
     design = BankDesign(settings=1, trials=4, turns=1)
-    held_out = held_out_views(load_scene(SCENES / "studio.toml"), design, wanted[0].request.renderer)
+    held_out = held_out_views(scenes.load(SCENES / "studio.toml"), design, wanted[0].request.renderer)
     assert [item.request.key for item in wanted] == [item.request.key for item in held_out.wanted]
     assert list(run["scenes"]) == ["studio.toml"]
     assert (out / "leaderboard.csv").exists()

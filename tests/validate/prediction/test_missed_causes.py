@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import scenes
 from pss.visibility.targets import WholeTarget, blur_modules, narrow_side_px
 from render.light.estimated_light import estimated_appearance
-from scenes import load_scene
 from validate.pages.causes import BLURRED, COVERED, CUT, SMALL, causes, in_words
 from validate.points.configuration import predict
 from validate.prediction.foresight import LARGEST_BLUR_MODULES, SMALLEST_MODULE_PX
@@ -21,7 +21,7 @@ NEAR_LIMIT = 0.05
 
 @pytest.fixture(scope="module")
 def room():
-    return load_scene("scenes/room.toml")
+    return scenes.load("scenes/room.toml")
 
 
 @pytest.mark.parametrize(("zoom", "focus_m"), [(2.0, None), (6.0, 1.5)])

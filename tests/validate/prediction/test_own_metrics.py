@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 import scipy.stats
 
+import scenes
 from pss.metric.table import Metric, MetricTable
 from pss.metrics import OF_THE_PAPER
-from scenes import load_scene
 from tests.helpers.closet import SCENE, SWEEP
 from tests.helpers.made_up_run import made_up_run
 from validate.commands.check import run as check
@@ -112,7 +112,7 @@ def test_the_report_shows_it(made):
 
 def test_check_shows_it(installed, tmp_path, capsys):
     """Beside PSS for each noise model, and a line for the one that fails."""
-    seen = foresee(load_scene(ROOT / "scenes" / "bench.toml"))
+    seen = foresee(scenes.load(ROOT / "scenes" / "bench.toml"))
     for row in model_rows(seen):
         assert row["metric_median-mm"] == median_sigma_mm(seen.evaluations[row["noise_model"]])
     assert "metric broken has no number (ZeroDivisionError: of mine)" in warnings_of(seen)

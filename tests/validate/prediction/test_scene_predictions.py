@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import scenes
 from pss import noise_model
 from pss.noise.calibrated import Calibration
 from pss.visibility.points import VISIBILITY_TESTS
 from pss.visibility.targets import TARGET_VISIBILITY
-from scenes import SceneError, load_scene
+from scenes import SceneError
 from validate.bank.judge import FREE_MODELS, asked_pairs, check_models, judged, scene_contenders
 from validate.bank.sensitivity import variants
 from validate.commands.bank import run as bank
@@ -26,7 +27,7 @@ PHYSICAL_ALONE = 'noise.models=["physical"]'
 
 
 def load(name="room", *overrides):
-    return load_scene(ROOT / "scenes" / f"{name}.toml", overrides)
+    return scenes.load(ROOT / "scenes" / f"{name}.toml", overrides)
 
 
 def contenders(scene):

@@ -100,11 +100,11 @@ def test_every_figure_of_a_run_is_written(made):
 
 
 def test_the_plan_of_a_scene_has_its_name_as_it_is(made):
-    from scenes import load_scene
+    import scenes
 
     path = made.folder / "$x_{1$ [b].toml"
     path.write_text(SCENE)
-    assert any(path.name in words for words in drawn_words(plan_figure(foresee(load_scene(path)))))
+    assert any(path.name in words for words in drawn_words(plan_figure(foresee(scenes.load(path)))))
 
 
 def test_logarithmic_axes_have_plain_numbers():

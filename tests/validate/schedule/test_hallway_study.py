@@ -14,13 +14,14 @@ import numpy as np
 import pytest
 import scipy.stats
 
+import scenes
 from pss import RangeError, evaluate
 from pss.noise import Calibration
 from pss.processes.process import ConstantVelocity, RandomWalk
 from pss.riccati.solve import steady_state_covariance_from_information
 from render.keys import state_key
 from render.store.folder import StoreError
-from scenes import SceneError, load_scene
+from scenes import SceneError
 from scenes.steps.schedule_file import SURROGATES, load_schedule
 from tests.helpers.drawn_pixels import LIMITS, TRIALS, acquired_of, appearance, levels_at
 from validate.acquire.acquire import Acquired
@@ -68,7 +69,7 @@ def schedule():
 
 @pytest.fixture(scope="module")
 def stage(schedule):
-    return stage_of(schedule, load_scene(schedule.scene_path))
+    return stage_of(schedule, scenes.load(schedule.scene_path))
 
 
 def all_on_first(state):
@@ -276,7 +277,7 @@ def test_an_avatars_rows_are_its_markers_alone(held):
 def test_all_cameras_on_one_avatar(schedule, stage, calibration):
     """The other is not observable but by chance: that is reported, and nothing fails."""
     few = load_schedule("hallway", ["sweep.walk.steps=5", 'sweep.strategies=["follow"]', 'sweep.zoom_limits=["none"]'])
-    small = stage_of(few, load_scene(few.scene_path))
+    small = stage_of(few, scenes.load(few.scene_path))
     runs = steered_runs(few, small, {"all_on_first": all_on_first})
     design = design_of(few, small, runs, "no renderer")
     places = [(scene, views[k]) for views in design.views for k, scene in enumerate(design.scenes)]
@@ -302,7 +303,7 @@ def test_any_surrogate_can_be_asked_for(surrogate):
             "sweep.zoom_limits=[8.0]",
         ],
     )
-    stage = stage_of(few, load_scene(few.scene_path))
+    stage = stage_of(few, scenes.load(few.scene_path))
     design = design_of(few, stage, steered_runs(few, stage, {}), "no renderer")
     places = [(scene, design.views[0][k]) for k, scene in enumerate(design.scenes)]
     calibration = Calibration("calibrated", {"brightness-contrast": 1.0}, {}, LIMITS)
@@ -434,7 +435,7 @@ def test_a_schedule_without_a_headline_is_refused(stage):
 
 def test_avatars_that_collide_are_refused_with_the_time(schedule):
     narrow = load_schedule("hallway", ["sweep.walk.lane_m=0.1"])
-    stage = stage_of(narrow, load_scene(narrow.scene_path))
+    stage = stage_of(narrow, scenes.load(narrow.scene_path))
     with pytest.raises(SceneError, match=r"at 3\.\d* s of the walk: .*at least .* m from"):
         stage.at(stage.walk.crossing_s)
 
@@ -443,17 +444,17 @@ def test_avatars_that_collide_are_refused_with_the_time(schedule):
 def test_a_target_that_leaves_the_hallway_is_refused(key):
     outside = load_schedule("hallway", [f"sweep.{key}"])
     with pytest.raises(SceneError, match=r"allowed: below .*, where the walls of"):
-        stage_of(outside, load_scene(outside.scene_path))
+        stage_of(outside, scenes.load(outside.scene_path))
 
 
 def test_a_scene_without_two_avatars_is_refused(schedule):
-    room = load_scene(schedule.scene_path.with_name("room.toml"))
+    room = scenes.load(schedule.scene_path.with_name("room.toml"))
     with pytest.raises(SceneError, match="has 0 avatars"):
         stage_of(schedule, room)
 
 
 def test_an_exposure_that_is_left_open_is_refused(schedule):
-    open_scene = load_scene(schedule.scene_path, ["sensor.exposure_ms=auto"])
+    open_scene = scenes.load(schedule.scene_path, ["sensor.exposure_ms=auto"])
     with pytest.raises(SceneError, match='exposure_ms = "auto"; allowed: a number of ms'):
         stage_of(schedule, open_scene)
 

@@ -12,8 +12,8 @@ import plotly.graph_objects as go
 import plotly.offline
 import pytest
 
+import scenes
 from render.store.folder import StoreError
-from scenes import load_scene
 from scenes.steps.schedule_file import load_schedule
 from tests.helpers.layout_of_words import assert_words_are_legible
 from tests.helpers.made_up_schedule import STEPS, made_up_schedule
@@ -258,7 +258,7 @@ def test_a_strangers_folder_runs_no_file(tmp_path):
     (tmp_path / "theirs.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'w')\ndef mine(state): ...\n")
     theirs = f"{tmp_path / 'theirs.py'}:mine"
     schedule = load_schedule("hallway")
-    scene = load_scene(schedule.scene_path)
+    scene = scenes.load(schedule.scene_path)
     options = {"schedule": "hallway", "scene": "None", "store": str(tmp_path), "overrides": "[]", "variant": "None"}
     options |= {"strategy": str((theirs,)), "allow_outside": "True"}
     said = {"schedule": schedule.resolved(), "scene": scene.resolved(), "options": options, "failed": {}}

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from scenes import SceneError, load_scene
+import scenes
+from scenes import SceneError
 from scenes.steps.measurement import SEED, TRIALS, measurement_of
 from tests.helpers.closet import SCENE, SELECTION, SWEEP
 from tests.helpers.made_up_run import PIXEL_NOISE_PX, made_up_run
@@ -193,7 +194,7 @@ def closet(tmp_path):
 
 def test_a_scene_as_it_is_is_a_sweep_of_one_step_of_all_cameras(closet):
     """With the project's own number of trials and seed; overrides and cameras count."""
-    scene = load_scene(closet)
+    scene = scenes.load(closet)
     sweep = measurement_of(scene)
     (step,) = sweep.configurations(scene)
     assert step.cameras == scene.cameras

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from scenes import load_scene, load_sweep
+import scenes
+from scenes import load_sweep
 from tests.helpers.closet import RISING, SCENE
 from tests.helpers.made_up_run import made_up_run
 from validate.pages.curves import curves_figure
@@ -186,18 +187,18 @@ def test_claims_are_asked_of_the_papers_scene_alone(made, monkeypatch):
 def test_the_papers_figures_are_sweeps_of_its_scene(name, figure):
     """Of the project's own sweeps; another scene makes it another sweep."""
     sweep = load_sweep(name)
-    assert sweep.paper_figure(load_scene(sweep.scene_path)) == figure
-    assert sweep.paper_figure(load_scene(SCENES / "workshop.toml")) is None
+    assert sweep.paper_figure(scenes.load(sweep.scene_path)) == figure
+    assert sweep.paper_figure(scenes.load(SCENES / "workshop.toml")) is None
 
 
 @pytest.mark.parametrize("override", ["vary.parameter=f_number", "vary.parameter=pan_deg"])
 def test_other_settings_are_none_of_the_papers_figures(override):
     """In the paper's scene too."""
     sweep = load_sweep("zoom", [f"sweep.{override}"])
-    assert sweep.paper_figure(load_scene(sweep.scene_path)) is None
+    assert sweep.paper_figure(scenes.load(sweep.scene_path)) is None
 
 
 def test_larger_selections_are_none_of_the_papers_figures():
     """Figure 3 is of pairs."""
     sweep = load_sweep("selection", ['sweep.vary.values=["2", ["3", "4"]]'])
-    assert sweep.paper_figure(load_scene(sweep.scene_path)) is None
+    assert sweep.paper_figure(scenes.load(sweep.scene_path)) is None

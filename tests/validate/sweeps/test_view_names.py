@@ -6,9 +6,10 @@ import re
 
 import pytest
 
+import scenes
 from render.lens.sampling import Sampling
 from render.store.folder import Store, StoreError
-from scenes import load_scene, load_sweep
+from scenes import load_sweep
 from tests.helpers.closet import SCENE, SWEEP
 from validate.acquire.view_names import view_name
 from validate.pages.stored import stored_measurements
@@ -24,7 +25,7 @@ def planned(tmp_path):
     (tmp_path / "closet.toml").write_text(SCENE)
     (tmp_path / "zooming.toml").write_text(SWEEP)
     sweep = load_sweep(tmp_path / "zooming.toml")
-    return plan(sweep, load_scene(sweep.scene_path), "renderer", Sampling())
+    return plan(sweep, scenes.load(sweep.scene_path), "renderer", Sampling())
 
 
 def test_a_view_goes_by_camera_and_step(planned):

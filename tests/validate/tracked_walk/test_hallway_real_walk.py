@@ -7,12 +7,12 @@ import csv
 import numpy as np
 import pytest
 
+import scenes
 from pss import ConstantVelocity, RangeError
 from pss.noise import Calibration
 from render.keys import state_key
 from render.random_streams import random_stream
 from render.store.folder import Store
-from scenes import load_scene
 from scenes.steps.schedule_file import load_schedule
 from tests.helpers.drawn_pixels import LIMITS, acquired_of
 from validate.schedule.stage import stage_of, stance_in
@@ -41,7 +41,7 @@ def schedule():
 
 @pytest.fixture(scope="module")
 def stage(schedule):
-    return stage_of(schedule, load_scene(schedule.scene_path))
+    return stage_of(schedule, scenes.load(schedule.scene_path))
 
 
 @pytest.fixture(scope="module")

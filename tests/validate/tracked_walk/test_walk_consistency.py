@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import scipy.stats
 
+import scenes
 from pss import ConstantVelocity, RangeError, ShapeError
-from scenes import load_scene
 from scenes.markers.suit import SUIT_KEYS, SUIT_SIZE
 from validate.tracked_walk.consistency import consistency
 from validate.tracked_walk.filter import WalkTracks
@@ -238,7 +238,7 @@ def test_a_straight_walk_needs_no_density_and_a_swing_that_of_its_closed_form():
 
 
 def test_the_limbs_of_a_walking_avatar_swing_more_than_its_trunk():
-    scene = load_scene(HALLWAY)
+    scene = scenes.load(HALLWAY)
     places = [-0.6 + 0.12 * k for k in range(6)]  # 1.2 m/s at ten frames a second
     states = [scene.with_settings({"objects.H1.position_m": [-0.8, y]}).state for y in places]
     names = np.array([marker.object_name for marker in states[0].markers])
