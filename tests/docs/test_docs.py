@@ -35,6 +35,7 @@ from validate.sweeps import correlation
 
 # Pages whose Python needs what another test gives it.
 RUN_ELSEWHERE = {
+    "README.md": "tests/docs/test_readme.py::test_the_example_has_at_most_twelve_lines",
     "docs/scenes.md": "tests/render/test_exr.py::test_the_documented_way_to_read_a_view_runs",
     "docs/own-detector.md": (
         "tests/docs/test_own_detector.py::test_the_documented_detector_finds_and_triangulates_drawn_markers"
@@ -43,9 +44,12 @@ RUN_ELSEWHERE = {
 # Beginnings of lines of the `sh` blocks that this file does not run, and why not. What is a sweep or a subcommand is
 # parsed all the same, with its files, up to the point where the work would begin.
 SLOW = {
-    "make sweep": "eight to ten minutes; the README's tables are its output",
+    "make sweep": "eight to ten minutes; the tables of docs/results.md are its output",
     "make .venv/installed": "is what `make test` begins with",
     "make test": "is what runs these tests",
+    "make quick": "runs most of these tests",
+    "make acceptance": "the longest tests",
+    "make docs": "the fixture `site` of test_docs_pages.py builds the same",
     "make notebook": "test_the_notebook_runs_in_a_kernel of test_docs_pages.py runs it",
     ".venv/bin/python validate/run_sweep.py bank": "half an hour; tests/validate/bank/test_bank.py runs a small one",
     ".venv/bin/python validate/run_sweep.py calibration-error": "needs the bank's views",

@@ -125,7 +125,7 @@ def test_the_error_budget_of_the_room_is_that_of_its_sweeps():
     ):
         factors = [float(row[f"budget_{name}"]) for row in rows]
         assert f"{words} {min(factors):.2f} to {max(factors):.2f}" in said
-        in_brief = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+        in_brief = " ".join(page("results.md").split())
         assert f"{name.replace('_', ' ')} ({min(factors):.2f} to {max(factors):.2f})" in in_brief
     assert {f"{float(row['budget_geometry']):.3f}" for row in rows} == {"1.000"}
     assert "geometry 1.000" in said
@@ -179,6 +179,16 @@ def test_the_first_lines_of_the_first_run_are_its_tables():
     (at_one, found_at_one), (at_three, found_at_three) = counts["1"], counts["3"]
     assert f"the prediction counts {at_one} at ×1, of which no more than {found_at_one}" in said
     assert f"and {at_three} at ×3, where {found_at_three} are" in said
+
+
+def test_the_lines_that_the_readme_shows_are_of_the_same_run():
+    """README's lines of output are lines of docs/first-minutes.md, and both pages have the same command."""
+    (few,) = (block for block in BLOCKS if block.treatment == "some lines of a run")
+    (whole,) = (block for block in BLOCKS if block.treatment == "first lines of a run")
+    assert set(few.text.splitlines()) <= set(whole.text.splitlines())
+    assert len(few.text.splitlines()) == 4
+    run = {block.text for block in BLOCKS if block.language == "sh" and "--out results/first" in block.text}
+    assert len(run) == 1
 
 
 def test_the_example_sensor_of_python_is_that_of_toml():

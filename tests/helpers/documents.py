@@ -1,4 +1,4 @@
-"""The fenced blocks of the pages in docs and of the README, with the comment that says how one is to be treated."""
+"""The fenced blocks of README, CONTRIBUTING and docs, with the comment that says how one is to be treated."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
-PAGES = (ROOT / "README.md", *sorted(DOCS.glob("*.md")))
+PAGES = (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.glob("*.md")))
 BLOCK = re.compile(
     r"(?:^<!-- block: (?P<treatment>[^\n]*?) -->\n)?^```(?P<language>\w+)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL
 )

@@ -1,4 +1,4 @@
-"""Parts of the README on the banks: the five sentences, and every contender in every room and light."""
+"""Parts of pages on the banks: the README's six rows, and every contender in every room and light."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pss.hints import CsvRow
 from validate.findings.calibration_error import calibration_error_sentences
 from validate.findings.contenders import CALIBRATED, contenders_in
 from validate.findings.places import COUNT, FILTER, HEADLINE, SHARE, SINGLE_FRAME, Place, places_of_reference
-from validate.findings.sentences import with_population
+from validate.findings.six_rows import six_rows
 from validate.runs.csv_rows import NOTHING, all_of, markdown_table, number, percent, read_tables, with_range
 
 __all__ = ["BANK_BLOCKS"]
@@ -17,12 +17,6 @@ __all__ = ["BANK_BLOCKS"]
 # Counts as the smooth probability of detection expects them.
 SCALED = ", scaled"
 COUNTED = {COUNT: "(expected count of cameras, at most three)", SHARE: "(expected share that two cameras see)"}
-
-
-def _sentences(reference: Path) -> str:
-    """The five sentences that open the findings."""
-    errors = read_tables(reference).get("calibration_error", [])
-    return with_population(places_of_reference(reference), errors)
 
 
 def _ranks(reference: Path) -> str:
@@ -117,7 +111,7 @@ def _calibration_errors(reference: Path) -> str:
 
 
 BANK_BLOCKS: Mapping[str, Callable[[Path], str]] = {
-    "banks: sentences": _sentences,
+    "findings: six rows": six_rows,
     "banks: ranks": _ranks,
     "banks: neutral": _neutral,
     "banks: within 5 mm": _under,

@@ -1,4 +1,4 @@
-"""Parts of the README and of docs/hallway.md on the people who walk, from the tables in results/reference/hallway."""
+"""Parts of docs/results.md and docs/hallway.md on the people who walk, from the tables in results/reference/hallway."""
 
 from __future__ import annotations
 

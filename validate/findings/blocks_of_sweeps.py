@@ -1,4 +1,4 @@
-"""Parts of the README on the room's sweeps, from correlation.csv, optima.csv, claims.csv, detection.csv and others."""
+"""Parts of docs/results.md on the room's sweeps, from correlation.csv, optima.csv, claims.csv and detection.csv."""
 
 from __future__ import annotations
 

@@ -34,7 +34,20 @@ from validate.runs.csv_rows import (
     with_range,
 )
 
-__all__ = ["Sentence", "five_sentences", "with_population"]
+__all__ = [
+    "DIFFERENCE",
+    "LESS_COUNT",
+    "NEUTRAL",
+    "RIGHT_SIZE",
+    "Sentence",
+    "decided",
+    "five_sentences",
+    "is_better",
+    "lost_rankings",
+    "neutral_row",
+    "with_ends",
+    "with_population",
+]
 
 # NEES over its degrees of freedom of a prediction that is called right.
 RIGHT_SIZE = (0.9, 1.1)
@@ -94,7 +107,7 @@ def _as_printed(places: Sequence[Place]) -> Sentence | None:
     there = [place for place in places if place.ranked(PRINTED) and place.ranked(IDENTITY)]
     if not there:
         return None
-    better = [place for place in there if _is_better(place)]
+    better = [place for place in there if is_better(place)]
     if better:
         claim = f"The paper's R, as printed, ranks better than R = I in {_share(better, there)}."
     else:
@@ -114,7 +127,7 @@ def _difference(place: Place) -> float:
     return printed - identity
 
 
-def _is_better(place: Place) -> bool:
+def is_better(place: Place) -> bool:
     """By the interval of the paired difference; without one, by the interval of the worse against the better's ρ."""
     printed, identity = place.ranked(PRINTED), place.ranked(IDENTITY)
     if less := place.less(PRINTED, IDENTITY):
@@ -180,15 +193,16 @@ def _ranking(places: Sequence[Place]) -> Sentence | None:
     return Sentence(claim, " ".join(filter(None, numbers)), _own(there, places))
 
 
-def _decided(places: Sequence[Place], yardstick: str) -> tuple[list[Place], list[Place], list[Place]]:
+def decided(places: Sequence[Place], yardstick: str) -> tuple[list[Place], list[Place], list[Place]]:
     """The places with a difference to the count by this measure, those where the count is better, and where PSS is."""
-    found = [(place, bounds(_neutral(place, yardstick), LESS_COUNT)) for place in places]
+    found = [(place, bounds(neutral_row(place, yardstick), LESS_COUNT)) for place in places]
     known = [(place, ends) for place, ends in found if not math.isnan(ends[1])]
     count, pss = ([place for place, ends in known if test(ends)] for test in (_below_zero, _above_zero))
     return [place for place, _ in known], count, pss
 
 
-def _neutral(place: Place, yardstick: str) -> CsvRow | None:
+def neutral_row(place: Place, yardstick: str) -> CsvRow | None:
+    """The leaderboard's row of calibrated single-frame PSS by a measure."""
     return place.ranked(CALIBRATED, "pss-single-frame", yardstick)
 
 
@@ -201,7 +215,7 @@ def _above_zero(ends: tuple[float, float, float]) -> bool:
 
 
 def _by_neutral(places: Sequence[Place]) -> str:
-    known, count, pss = _decided(places, NEUTRAL)
+    known, count, pss = decided(places, NEUTRAL)
     if not known:
         return ""
     parts = [f"{words} in {len(where)}" for words, where in (("counting ranks better", count), ("PSS", pss)) if where]
@@ -213,21 +227,21 @@ def _by_neutral(places: Sequence[Place]) -> str:
 
 def _less_its_count(places: Sequence[Place]) -> str:
     """ρ less that of the expected count, by the measures that have no metric's form."""
-    known, count, pss = _decided(places, NEUTRAL)
+    known, count, pss = decided(places, NEUTRAL)
     if not known:
         return ""
     named = [place for place in known if place in count or place in pss] or known[:1]
-    each = ", ".join(f"{number(_neutral(place, NEUTRAL), LESS_COUNT)} ({place.title})" for place in named)
+    each = ", ".join(f"{number(neutral_row(place, NEUTRAL), LESS_COUNT)} ({place.title})" for place in named)
     text = f"Within 0.1 mm its ρ less that of the expected count is {each}"
-    known, count, pss = _decided(places, MEDIAN)
+    known, count, pss = decided(places, MEDIAN)
     if known:
-        least = min(known, key=lambda place: value_of(_neutral(place, MEDIAN), LESS_COUNT))
+        least = min(known, key=lambda place: value_of(neutral_row(place, MEDIAN), LESS_COUNT))
         ranks = [
             f"{words} ranks better in {len(where)}" for words, where in (("the count", count), ("PSS", pss)) if where
         ]
         of = f" of {len(known)}"
         text += f"; by the median RMS {(' and '.join(ranks) or 'neither is shown to rank better in any') + of}"
-        text += f", by most in the {least.title}: {number(_neutral(least, MEDIAN), LESS_COUNT)}" * bool(count)
+        text += f", by most in the {least.title}: {number(neutral_row(least, MEDIAN), LESS_COUNT)}" * bool(count)
     return f"{text}."
 
 
@@ -388,29 +402,39 @@ def _choosing(places: Sequence[Place], calibration_errors: Sequence[CsvRow]) -> 
 
 def _broken(rows: Sequence[CsvRow]) -> tuple[str, str]:
     """From which unknown error of pan and tilt on the ranking is lost, by kind, and over how many configurations."""
-    alone = [row for row in rows if not (value_of(row, "focal_share") or value_of(row, "position_m"))]
-    none = next((row for row in alone if value_of(row, "pan_tilt_deg") == 0), None)
-    if none is None:
+    none, lost = lost_rankings(rows)
+    if none is None or not lost:
         return "", ""
     parts = []
-    for kind, (judged, words) in BROKEN_BY.items():
-        of_kind = all_of(alone, kind=kind, judged=judged, weights="own" if kind else "")
-        lost = next((row for row in of_kind if _plain(none) - _plain(row) > LOST), None)
-        if lost is not None:
-            drawn = lost.get("draws") and lost.get(LEAST)
-            least = f", in one of {lost['draws']} draws to {with_range(lost[LEAST], '', '')}" if drawn else ""
-            parts.append(f"{words}by {value_of(lost, 'pan_tilt_deg'):g}°, to {_with_ends(lost)}{least}")
-    if not parts:
-        return "", ""
-    text = f"An unknown error of pan and tilt takes ρ from {_with_ends(none)} in the room: {'; '.join(parts)}."
+    for kind, row in lost.items():
+        drawn = row.get("draws") and row.get(LEAST)
+        least = f", in one of {row['draws']} draws to {with_range(row[LEAST], '', '')}" if drawn else ""
+        parts.append(f"{BROKEN_BY[kind][1]}by {value_of(row, 'pan_tilt_deg'):g}°, to {with_ends(row)}{least}")
+    text = f"An unknown error of pan and tilt takes ρ from {with_ends(none)} in the room: {'; '.join(parts)}."
     return text, none.get("n", "")
+
+
+def lost_rankings(rows: Sequence[CsvRow]) -> tuple[CsvRow | None, dict[str, CsvRow]]:
+    """The row of calibration_error.csv without errors, and by kind that of the smallest error of pan and tilt alone
+    that costs more than `LOST` of ρ."""
+    alone = [row for row in rows if not (value_of(row, "focal_share") or value_of(row, "position_m"))]
+    none = next((row for row in alone if value_of(row, "pan_tilt_deg") == 0), None)
+    lost: dict[str, CsvRow] = {}
+    if none is not None:
+        for kind, (judged, _) in BROKEN_BY.items():
+            of_kind = all_of(alone, kind=kind, judged=judged, weights="own" if kind else "")
+            first = next((row for row in of_kind if _plain(none) - _plain(row) > LOST), None)
+            if first is not None:
+                lost[kind] = first
+    return none, lost
 
 
 def _plain(row: CsvRow) -> float:
     return value_of(row, "spearman_plain")
 
 
-def _with_ends(row: CsvRow) -> str:
+def with_ends(row: CsvRow) -> str:
+    """ρ by the prediction that knows of no error, with its interval."""
     return with_range(*(row[f"spearman_plain{end}"] for end in ("", "_low", "_high")))
 
 

@@ -1,4 +1,4 @@
-"""No number of the README is copied by hand: it is made from a table, or is a constant that is looked up here."""
+"""No number of the README and of docs/results.md is copied by hand: a table has it, or it is a constant listed here."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from render.backend import OLDEST_LLVM
 from scenes.steps.sweep_file import SWEEPS
 from tests.gate import claims
 from validate.findings.readme import BLOCKS, numbered_pages, readme_text, write_pages
-from validate.runs import exit_codes
 from validate.stats.intervals import LEVEL
 
 ROOT = Path(__file__).parents[3]
 REFERENCE = ROOT / "results" / "reference"
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+RESULTS = (ROOT / "docs" / "results.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("page", numbered_pages(), ids=lambda page: page.name)
@@ -37,9 +37,9 @@ def test_another_table_is_another_page(tmp_path):
     text = claims.read_text(encoding="utf-8")
     assert "1.507707" in text
     claims.write_text(text.replace("1.507707", "7.777"), encoding="utf-8")
-    changed = readme_text(README, tmp_path / "reference")
-    assert changed.count("7.78") == 1 > README.count("7.78")
-    assert changed.replace("7.78", "1.51") == README
+    changed = readme_text(RESULTS, tmp_path / "reference")
+    assert changed.count("7.78") == 1 > RESULTS.count("7.78")
+    assert changed.replace("7.78", "1.51") == RESULTS
 
 
 def test_blocks_and_parts_of_sentences(monkeypatch):
@@ -70,26 +70,41 @@ def test_mistakes_are_named(page, message):
 def test_pages_are_written_in_place(tmp_path):
     """The command's own function, on a copy with an old number."""
     (tmp_path / "docs").mkdir()
-    (tmp_path / "README.md").write_text(re.sub("found: zoom [0-9,]*", "found: zoom 5", README), encoding="utf-8")
+    pages = {
+        "README.md": (README, "NEES/3 = [0-9.]*", "NEES/3 = 5"),
+        "docs/results.md": (RESULTS, "visible: zoom [0-9,]*", "visible: zoom 5"),
+    }
+    for name, (text, pattern, old) in pages.items():
+        assert re.search(pattern, text)
+        (tmp_path / name).write_text(re.sub(pattern, old, text), encoding="utf-8")
     write_pages(tmp_path, REFERENCE)
-    assert (tmp_path / "README.md").read_text(encoding="utf-8") == README
+    for name, (text, *_) in pages.items():
+        assert (tmp_path / name).read_text(encoding="utf-8") == text
 
 
 def sweep(name: str) -> dict:
     return tomllib.loads((SWEEPS / f"{name}.toml").read_text(encoding="utf-8"))
 
 
-def constants() -> list[str]:
-    """Words with numbers that the README may have: made of the constants themselves, or names of the paper's parts."""
+def of_the_readme() -> list[str]:
+    """Words with numbers that the README may have: made of the constants themselves."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     oldest = project["requires-python"].removeprefix(">=")
-    focus = sweep("focus")["vary"]
-    cameras = "cameras {}, {} and {}".format(*focus["cameras"])
-    assert sweep("zoom-of-three")["active"] == focus["cameras"]
-    codes = exit_codes
     return [
         f"python3 ({oldest} or newer)",
         f"libLLVM of version {OLDEST_LLVM} or newer",
+        "in about 90 s",
+        "Linux x86_64",
+        "Apache 2.0",
+    ]
+
+
+def of_the_results() -> list[str]:
+    """The same for docs/results.md, with names of the paper's parts."""
+    focus = sweep("focus")["vary"]
+    cameras = "cameras {}, {} and {}".format(*focus["cameras"])
+    assert sweep("zoom-of-three")["active"] == focus["cameras"]
+    return [
         f"{100 * LEVEL:.0f} % intervals",
         f"{cameras} as their focus moves from {focus['values'][0]:g} m to {focus['values'][-1]:g} m",
         f"{cameras} are alone",
@@ -99,17 +114,10 @@ def constants() -> list[str]:
             f"{claims.BOUND:g}"
         ),
         f"turned by {claims.TURN_DEG:g}°",
-        f"Exit codes: {codes.EXIT_DONE} done; {codes.EXIT_FAILED} done with failed views",
-        (
-            f"{codes.EXIT_MISTAKE} your mistake, or a full disk; {codes.EXIT_BROKEN} an error of the program; "
-            f"{codes.EXIT_INTERRUPTED} interrupted"
-        ),
-        "Linux x86_64",
-        "the paper's Eq. 10",
+        "paper's Eq. 10",
         "Figures 1 to 3",
-        "the paper's Figure 1",
+        "paper's Figure 1",
         "(section 4.2, Figure 4)",
-        "Apache 2.0",
     ]
 
 
@@ -120,10 +128,11 @@ def prose(text: str) -> str:
     return " ".join(re.sub(r"\]\([^)]*\)", "]", text).split())
 
 
-def test_every_other_number_is_a_constant():
+@pytest.mark.parametrize(("page", "constants"), [(README, of_the_readme()), (RESULTS, of_the_results())])
+def test_every_other_number_is_a_constant(page, constants):
     """What is left without these has no digit but that of "3D"."""
-    left = prose(README)
-    for words in constants():
+    left = prose(page)
+    for words in constants:
         assert words in left, words
         left = left.replace(words, "")
     assert not re.findall(r"\S*\d\S*", re.sub(r"\b3D\b", "", left))
@@ -132,4 +141,7 @@ def test_every_other_number_is_a_constant():
 def test_counts_in_words():
     """The gate's counts are written out."""
     assert claims.COUNTS == (3, 4)
-    assert "sixteen small views" in " ".join(README.split())
+    assert "sixteen small views" in " ".join(RESULTS.split())
+    assert "has six rows" in " ".join(RESULTS.split())
+    (rows,) = re.findall(r"<!-- numbers: findings: six rows -->(.*?)<!-- end -->", README, re.DOTALL)
+    assert len(rows.strip().splitlines()) == 2 + 6
