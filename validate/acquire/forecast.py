@@ -13,7 +13,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from render.backend import Backend
 from render.keys import light_key
 from render.store.atomic import free_bytes
 from render.store.checksums import SUFFIX, FileSum, read_sums
@@ -21,8 +20,8 @@ from render.store.folder import Store
 from scenes import Scene, SweepFile
 from validate.acquire.acquire import Acquisition
 from validate.acquire.auto_exposure import with_exposures
-from validate.acquire.messages import RunMessages
 from validate.acquire.options import HERE, Scale
+from validate.acquire.source import ViewSource
 from validate.acquire.view_costs import machine_bytes, measure_bytes, measure_seconds, render_bytes, render_seconds
 from validate.runs.progress import EXPECTED_LIGHT_SECONDS, clock
 
@@ -118,21 +117,17 @@ def forecast(wanted: Sequence[Acquisition], store: Store, renderer: str, workers
 def announce(
     counts: Sequence[str],
     wanted: Sequence[Acquisition],
-    store: Store,
-    address: str,
-    chosen: Backend,
+    source: ViewSource,
     folder: Path,
-    messages: RunMessages,
-    scale: Scale = HERE,
 ) -> Forecast:
     """Say what a run would do, and warn if the disk has no room for it.
 
     Args:
         counts: lines that say how many configurations, or runs and steps, there are.
-        address: of the store, as the user gave it.
+        source: of the views. The time is that of this machine alone, wherever views would be made.
         folder: of the results.
-        scale: where views would be made. The time is that of this machine alone.
     """
+    store, chosen, scale, messages = source.store, source.backend, source.scale, source.messages
     workers = max(1, os.cpu_count() or 1)
     made_by = f"{workers} measuring processes"
     if scale != HERE:
@@ -140,7 +135,7 @@ def announce(
     said = forecast(wanted, store, chosen.identity, workers)
     free = free_bytes(store.folder / "views")
     rates = f"as {said.asked} past views of this store" if said.asked else "at the rates of two cores (docs/runs.md)"
-    here = "" if address == str(store.folder) else f", on this machine {store.folder}"
+    here = "" if source.address == str(store.folder) else f", on this machine {store.folder}"
     memory = _memory(said, scale, workers)
     library = f", {chosen.libllvm}" if chosen.libllvm else ""
     to_render = f"{said.to_render} to render ({said.rendered} stored)"
@@ -154,7 +149,7 @@ def announce(
         else "nothing to do",
         *([memory.line] if said.seconds else []),
         f"{chosen.identity}{library}; {made_by}",
-        f"store {address}{here}: {_megabytes(free)} free; results would be in {folder}",
+        f"store {source.address}{here}: {_megabytes(free)} free; results would be in {folder}",
     ]
     for line in lines:
         messages.console.print(line, markup=False, soft_wrap=True)
@@ -201,14 +196,13 @@ def _memory(said: Forecast, scale: Scale, processes: int) -> _Memory:
     return _Memory(together, machine, f"memory: about {words}{here}")
 
 
-def exposures_assumed(
-    loaded: Sequence[tuple[SweepFile, Scene]], store: Store, chosen: Backend, messages: RunMessages
-) -> list[tuple[SweepFile, Scene]]:
+def exposures_assumed(loaded: Sequence[tuple[SweepFile, Scene]], source: ViewSource) -> list[tuple[SweepFile, Scene]]:
     """The same sweeps with exposures of "auto" chosen, as far as the light is solved already.
 
     Where it is not, the longest exposure stands in: the views have no names yet, and all of them count as missing.
     """
     found = []
+    store, messages = source.store, source.messages
     for sweep, scene in loaded:
         if scene.auto_exposure is None or store.has(store.light(light_key(scene.state))):
             found.append((sweep, scene))
@@ -218,7 +212,11 @@ def exposures_assumed(
         )
         found.append((sweep, scene.with_exposure(scene.auto_exposure.longest_ms)))
     return with_exposures(
-        found, store, lambda line: messages.console.print(line, markup=False, soft_wrap=True), messages.note, chosen
+        found,
+        store,
+        lambda line: messages.console.print(line, markup=False, soft_wrap=True),
+        messages.note,
+        source.backend,
     )
 
 

@@ -68,6 +68,11 @@ class Acquired:
     rendered: int = 0
     measured_items: set[Acquisition] = field(default_factory=set)
 
+    @property
+    def counts(self) -> dict[str, object]:
+        """For run.json: how many views this run rendered and measured itself, and the causes of those that failed."""
+        return {"rendered": self.rendered, "measured": len(self.measured_items), "failed": self.failed}
+
 
 def said(error: BaseException | None) -> str:
     """Why a view failed, in words for people."""

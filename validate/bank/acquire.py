@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pss.noise import Calibration
-from render.backend import Backend
-from render.store.folder import Store, write_text
-from validate.acquire.acquire import Acquired, acquire
+from render.store.folder import write_text
 from validate.acquire.messages import RunMessages
-from validate.acquire.options import HERE, Scale
+from validate.acquire.request import Acquired
+from validate.acquire.source import ViewSource
 from validate.acquire.view_names import view_names
 from validate.bank.design import BankDesign, ViewBank
 from validate.bank.judge import calibrated, data_of, detection_of, limits_of, scales_of
@@ -18,12 +17,11 @@ from validate.bank.judge import calibrated, data_of, detection_of, limits_of, sc
 __all__ = ["acquire_banks", "calibrate", "enough"]
 
 
-def acquire_banks(
-    banks: Sequence[ViewBank], store: Store, chosen: Backend, messages: RunMessages, scale: Scale = HERE
-) -> tuple[Acquired, list[ViewBank]]:
-    """All renders of the banks, made where `scale` says; and the banks without views that failed, which are named."""
+def acquire_banks(banks: Sequence[ViewBank], source: ViewSource) -> tuple[Acquired, list[ViewBank]]:
+    """All renders of the banks; and the banks without views that failed, which are named."""
     wanted = [item for bank in banks for item in bank.wanted]
-    acquired = acquire(wanted, store, chosen, messages, scale)
+    messages = source.messages
+    acquired = source.acquire(wanted)
     messages.failed(acquired.failed, view_names(wanted))
     whole = [bank.without(acquired.failed) for bank in banks]
     for bank, kept in zip(banks, whole, strict=True):

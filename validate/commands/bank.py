@@ -15,17 +15,15 @@ from rich.table import Table
 import scenes
 from pss import RangeError
 from pss.hints import Row
-from pss.json_text import json_text
 from pss.noise import Calibration
-from render import backend
 from render.store.folder import write_text
-from render.store.remote import open_store
 from scenes import Scene
 from scenes.steps.sweep_file import SWEEPS
 from validate.acquire.acquire import Acquired
 from validate.acquire.forecast import announce
 from validate.acquire.messages import RunMessages
 from validate.acquire.options import HERE, Scale
+from validate.acquire.source import ViewSource, end_run, open_source
 from validate.bank.acquire import acquire_banks, calibrate, enough
 from validate.bank.ceilings import oracle_rows, parts_rows
 from validate.bank.consistency_rows import blunder_row, consistency_rows, pixel_rows
@@ -50,15 +48,16 @@ from validate.bank.leaderboard import leaderboard
 from validate.bank.process_noise import process_levels, process_rows
 from validate.bank.sensitivity import scale_rows, sensitivity_rows
 from validate.bank.size_bins import size_rows
-from validate.commands.run import check_folders
 from validate.findings.bank import bank_findings
 from validate.prediction.frozen import FrozenCalibration, leave, provenance_of, read_frozen
 from validate.prediction.process_levels import Level
 from validate.runs.console import Console
 from validate.runs.csv_rows import read_tables
-from validate.runs.exit_codes import EXIT_DONE, EXIT_FAILED
+from validate.runs.exit_codes import EXIT_DONE
+from validate.runs.outputs import check_folders
 from validate.runs.program import program_name
 from validate.runs.progress import clock
+from validate.runs.run_file import write_run
 from validate.sweeps.rows import write_csv
 
 __all__ = ["run"]
@@ -123,16 +122,15 @@ def run(
         raise RangeError(f"--configurations {configurations}; allowed: {FEWEST_CONFIGURATIONS} or more, to be ranked")
     check_folders(out, store)
     with RunMessages(quiet, width=WIDTH) as messages:
-        chosen = backend.choose(variant)
-        messages.console.print(str(chosen), markup=False)
+        source = open_source(store, variant, messages, scale)
         frozen = None if calibration is None else read_frozen(calibration)
         # Overrides are of the first scene alone: beside it in another light, the second as it is would say nothing.
         judged_as_usual = frozen is None and not set
         if judged_as_usual and second_scene is None and (SWEEPS.parent / SECOND_SCENE).exists():
             second_scene = SWEEPS.parent / SECOND_SCENE
-        banks = _banks(scene, second_scene, set, allow_outside, design, chosen)
+        banks = _banks(scene, second_scene, set, allow_outside, design, source.renderer)
         if not dry_run:
-            return _judge_all(banks, frozen, design, configurations, out, store, chosen, messages, scale)
+            return _judge_all(banks, frozen, design, configurations, out, source)
         banks = _rendered(banks, frozen)
         counts = [
             f"{bank.scene.path.stem}, {bank.role}: {len(bank.views)} views in {len(bank.wanted)} renders"
@@ -140,7 +138,7 @@ def run(
         ]
         counts.append(f"{configurations} configurations of each of {', '.join(map(str, COUNTS))} cameras")
         wanted = [item for bank in banks for item in bank.wanted]
-        announce(counts, wanted, open_store(store), store, chosen, out, messages, scale)
+        announce(counts, wanted, source, out)
         return EXIT_DONE
 
 
@@ -150,18 +148,18 @@ def _banks(
     overrides: tuple[str, ...],
     allow_outside: bool,
     design: BankDesign,
-    chosen: backend.Backend,
+    renderer: str,
 ) -> list[ViewBank]:
     """The training bank, that for detection, the one to be judged and, if there is another room, that of the second."""
     first = scenes.load(scene or SWEEPS.parent / "room.toml", overrides, allow_outside=allow_outside)
     _check_cameras(first)
-    training = training_views(first, design, chosen.identity)
-    held_out = held_out_views(first, design, chosen.identity)
-    banks = [training, detection_views(first, design, chosen.identity), held_out]
+    training = training_views(first, design, renderer)
+    held_out = held_out_views(first, design, renderer)
+    banks = [training, detection_views(first, design, renderer), held_out]
     if second_scene is not None:
         other_scene = scenes.load(second_scene, allow_outside=allow_outside)
         _check_cameras(other_scene)
-        banks.append(held_out_views(other_scene, design, chosen.identity))
+        banks.append(held_out_views(other_scene, design, renderer))
     for bank in banks:
         check_models(bank.scene, "bank", FREE_MODELS)
     return banks
@@ -185,16 +183,13 @@ def _judge_all(
     design: BankDesign,
     configurations: int,
     out: Path,
-    store: str,
-    chosen: backend.Backend,
-    messages: RunMessages,
-    scale: Scale,
+    source: ViewSource,
 ) -> int:
     """Get the views, judge, and leave the tables; the exit code."""
     begin = time.perf_counter()
-    opened = open_store(store)
-    messages.start(out, "bank", store=store)
-    acquired, banks = acquire_banks(_rendered(wanted, frozen), opened, chosen, messages, scale)
+    messages = source.messages
+    messages.start(out, "bank", store=source.address)
+    acquired, banks = acquire_banks(_rendered(wanted, frozen), source)
     after_views = time.perf_counter()
     renders, views = (sum(counts) for counts in zip(*((len(b.wanted), len(b.views)) for b in banks), strict=True))
     if frozen is not None:
@@ -233,19 +228,17 @@ def _judge_all(
         "scenes": {bank.scene.path.name: bank.scene.resolved() for bank in banks},
         "calibration": calibrated_by,
         "predicted_with": predicted_with,
-        "renderer": chosen.identity,
-        "rendered": acquired.rendered,
-        "measured": len(acquired.measured_items),
-        "failed": acquired.failed,
+        "renderer": source.renderer,
+        **acquired.counts,
         "tables": sorted(tables),
         "seconds": seconds,
     }
-    write_text(out / "run.json", json_text(content, indent=2) + "\n")
-    return messages.end(
-        EXIT_FAILED if acquired.failed else EXIT_DONE,
+    write_run(out, content)
+    return end_run(
         f"{renders} renders ({acquired.rendered} now) of {views} views in {clock(seconds['total'])}, "
         f"{clock(seconds['total'] - seconds['views'])} after the views; results in {out}",
         acquired,
+        messages,
     )
 
 

@@ -14,23 +14,21 @@ from pss.cameras.views import Views
 from pss.hints import Row
 from pss.json_text import json_text
 from pss.visibility.points import visible_in
-from render import backend
 from render.random_streams import random_stream
-from render.store.remote import open_store
 from scenes import Scene
 from scenes.steps.sweep_file import SWEEPS
 from validate.acquire.acquire import Acquired
 from validate.acquire.messages import RunMessages
 from validate.acquire.options import HERE, Scale
+from validate.acquire.source import end_run, open_source
 from validate.bank.acquire import acquire_banks, calibrate, enough
 from validate.bank.calibration_predicted import Predictions
 from validate.bank.calibration_study import IN_WEIGHTS, OWN, study
 from validate.bank.design import BankDesign, ViewBank, draw_configurations, held_out_views, training_views
 from validate.bank.judge import appearance_of, data_of, noise_models, visibilities
-from validate.commands.run import check_folders
 from validate.plots.calibration_error import draw
 from validate.runs.console import Console
-from validate.runs.exit_codes import EXIT_DONE, EXIT_FAILED
+from validate.runs.outputs import check_folders
 from validate.runs.program import program_name
 from validate.sweeps.rows import write_csv
 
@@ -81,18 +79,16 @@ def run(
     check_folders(out, store)
     design = BankDesign(settings=settings, trials=trials, turns=turns, seed=seed)
     loaded = scenes.load(scene or SWEEPS.parent / "room.toml", allow_outside=allow_outside)
-    opened = open_store(store)
     with RunMessages(width=WIDTH) as messages:
-        chosen = backend.choose(variant)
-        messages.console.print(str(chosen), markup=False)
+        source = open_source(store, variant, messages, scale)
         messages.start(out, "calibration-error", store=store)
         for line in without_effect(loaded):
             messages.warn(line)
-        wanted = training_views(loaded, design, chosen.identity), held_out_views(loaded, design, chosen.identity)
-        acquired, (training, bank) = acquire_banks(wanted, opened, chosen, messages, scale)
+        wanted = training_views(loaded, design, source.renderer), held_out_views(loaded, design, source.renderer)
+        acquired, (training, bank) = acquire_banks(wanted, source)
         if enough(training, bank, CAMERAS, messages):
             _rank(training, bank, acquired, design, configurations, out, messages.console)
-        return messages.end(EXIT_FAILED if acquired.failed else EXIT_DONE, f"results in {out}", acquired)
+        return end_run(f"results in {out}", acquired, messages)
 
 
 def without_effect(scene: Scene) -> list[str]:

@@ -19,13 +19,14 @@ from render.store.folder import Store, StoreError, write_text
 from render.store.remote import open_store
 from scenes import load_sweep
 from scenes.steps.schedule_file import load_schedule
-from validate.acquire.acquire import Acquired, Acquisition, acquire
+from validate.acquire.acquire import Acquired, Acquisition
+from validate.acquire.messages import RunMessages
+from validate.acquire.source import ViewSource
 from validate.acquire.view_names import view_names
-from validate.commands.run import check_folders
-from validate.runs.console import Console
 from validate.runs.folder_lock import alone_in
+from validate.runs.outputs import check_folders
 from validate.runs.program import program_name
-from validate.runs.progress import EXPECTED_SECONDS, ViewProgress, clock
+from validate.runs.progress import EXPECTED_SECONDS, clock
 from validate.runs.table_text import table_text
 from validate.sweeps.sweep import assess_sweep, plan
 
@@ -62,43 +63,36 @@ def run(
         if number not in FIGURES:
             raise RangeError(f"figure {number}; allowed: {', '.join(str(each) for each in FIGURES)}")
     check_folders(out, store)
-    opened, chosen = open_store(store), backend.choose(variant)
-    with contextlib.nullcontext() if dry_run else alone_in(out):
-        _make_all(figures, out, table, opened, chosen, dry_run)
+    with RunMessages() as messages, contextlib.nullcontext() if dry_run else alone_in(out):
+        source = ViewSource(open_store(store), store, backend.choose(variant), messages)
+        _make_all(figures, out, table, source, dry_run)
     return 0
 
 
-def _make_all(
-    figures: tuple[int, ...], out: Path, table: str | None, opened: Store, chosen: backend.Backend, dry_run: bool
-) -> None:
-    errors = Console(stderr=True)
+def _make_all(figures: tuple[int, ...], out: Path, table: str | None, source: ViewSource, dry_run: bool) -> None:
     for number in dict.fromkeys(figures):
         make = _walk if number == max(FIGURES) else _static
-        paths = make(number, out, table, opened, chosen, errors, dry_run)
+        paths = make(number, out, table, source, dry_run)
         if paths:
             print(f"Figure {number}: {', '.join(str(path) for path in paths)}")
 
 
-def _static(
-    number: int, out: Path, table: str | None, store: Store, chosen: backend.Backend, errors: Console, dry_run: bool
-) -> list[Path]:
+def _static(number: int, out: Path, table: str | None, source: ViewSource, dry_run: bool) -> list[Path]:
     from validate.plots.paper_sweeps import SWEEPS, static_figure, static_rows
 
     sweep = load_sweep(SWEEPS[number])
     planned = plan(
-        sweep, scenes.load(sweep.scene_path), chosen.identity, Sampling(noise_ratio=sweep.render_noise_ratio)
+        sweep, scenes.load(sweep.scene_path), source.renderer, Sampling(noise_ratio=sweep.render_noise_ratio)
     )
     wanted = [item for views in planned.views for item in views]
     if dry_run:
-        _announce(number, wanted, store)
+        _announce(number, wanted, source.store)
         return []
-    result = assess_sweep(planned, _acquired(number, wanted, store, chosen, errors))
+    result = assess_sweep(planned, _acquired(number, wanted, source))
     return _write(number, out, table, lambda: static_figure(number, result), static_rows(number, result))
 
 
-def _walk(
-    number: int, out: Path, table: str | None, store: Store, chosen: backend.Backend, errors: Console, dry_run: bool
-) -> list[Path]:
+def _walk(number: int, out: Path, table: str | None, source: ViewSource, dry_run: bool) -> list[Path]:
     # Imported late: slow, and wanted for one figure alone.
     from validate.plots.paper_walk import walk_figure, walk_rows
     from validate.schedule.held import assess_held, design_of, training_levels
@@ -109,15 +103,15 @@ def _walk(
 
     file = load_schedule(SCHEDULE)
     stage = stage_of(file, scenes.load(file.scene_path))
-    errors.print("steering the cameras", markup=False)
+    source.messages.note("steering the cameras")
     runs = steered_runs(file, stage, {})
-    training = training_views(file, stage, chosen.identity)
-    design = design_of(file, stage, runs, chosen.identity)
+    training = training_views(file, stage, source.renderer)
+    design = design_of(file, stage, runs, source.renderer)
     wanted = [item for place in training for item in place.wanted] + design.wanted
     if dry_run:
-        _announce(number, wanted, store)
+        _announce(number, wanted, source.store)
         return []
-    acquired = _acquired(number, wanted, store, chosen, errors)
+    acquired = _acquired(number, wanted, source)
     levels = training_levels(stage, training, acquired)
     result = result_of(assess_held(design, acquired, calibrate_hallway(training, acquired), levels), BOTH)
     return _write(number, out, table, lambda: walk_figure(result), walk_rows(result))
@@ -132,10 +126,8 @@ def _announce(number: int, wanted: Sequence[Acquisition], store: Store) -> None:
     )
 
 
-def _acquired(
-    number: int, wanted: Sequence[Acquisition], store: Store, chosen: backend.Backend, errors: Console
-) -> Acquired:
-    acquired = acquire(wanted, store, chosen, lambda total: ViewProgress(total, errors))
+def _acquired(number: int, wanted: Sequence[Acquisition], source: ViewSource) -> Acquired:
+    acquired = source.acquire(wanted)
     if acquired.failed:
         names = view_names(wanted)
         causes = "; ".join(f"{names[key]}: {cause}" for key, cause in acquired.failed.items())

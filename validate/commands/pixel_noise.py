@@ -32,9 +32,9 @@ def run(
 
     from pss import RangeError
     from validate.commands.pixel_noise_run import make
-    from validate.commands.run import check_folders
     from validate.runs.console import Console
     from validate.runs.folder_lock import alone_in
+    from validate.runs.outputs import check_folders
 
     if trials is not None and trials < 2:
         raise RangeError(f"--trials {trials}; allowed: 2 or more (a spread needs two)")

@@ -10,9 +10,7 @@ from pathlib import Path
 
 from rich.table import Table
 
-from pss.json_text import json_text
 from render import backend
-from render.store.folder import write_text
 from render.store.remote import open_store
 from validate.pixel_noise.design import make_plan
 from validate.pixel_noise.exponents import PowerLaw
@@ -21,6 +19,7 @@ from validate.pixel_noise.rows import JOINT, exponent_rows, joint_law, level_row
 from validate.plots.pixel_noise import draw
 from validate.runs.console import Console
 from validate.runs.progress import ViewProgress, clock
+from validate.runs.run_file import write_run
 from validate.sweeps.rows import write_csv
 
 __all__ = ["make"]
@@ -51,7 +50,7 @@ def make(out: Path, store: str, seed: int, trials: int | None, quick: bool, cons
         "power_law": _law(law),
         "seconds": seconds,
     }
-    write_text(out / "run.json", json_text(said, indent=2, ensure_ascii=False) + "\n")
+    write_run(out, said)
     console.print(exponent_table(exponents))
     console.print(_law(law), markup=False, soft_wrap=True)
     console.print(

@@ -3,41 +3,39 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from pss import RangeError
-from pss.json_text import json_text
 from render import backend
 from render.lens.sampling import Sampling
-from render.store.folder import Store, StoreError, write_text
-from render.store.remote import is_address, open_store
+from render.store.folder import Store, StoreError
+from render.store.remote import open_store
 from scenes import Scene, SweepFile, known_sweeps
-from validate.acquire.acquire import Acquired, Acquisition, acquire, with_whole_views
+from validate.acquire.acquire import Acquired, Acquisition
 from validate.acquire.auto_exposure import with_exposures
 from validate.acquire.forecast import announce, exposures_assumed
 from validate.acquire.messages import RunMessages
 from validate.acquire.options import HERE, Scale
-from validate.acquire.quality_warnings import warn_of_darkness, warn_of_render_noise, warn_of_saturation
+from validate.acquire.source import ViewSource, end_run, warn_of_quality
 from validate.commands.report import REPORT, of_results, source_of_report, write_report
 from validate.plots import sweep as figures
 from validate.prediction.own_metrics import failures_of
-from validate.runs.exit_codes import EXIT_DONE, EXIT_FAILED
+from validate.runs.exit_codes import EXIT_DONE
 from validate.runs.file_names import check_default_folder, check_names, sweep_name
 from validate.runs.input_files import load_measurement_of, load_sweeps
-from validate.runs.outputs import check_outputs
+from validate.runs.outputs import check_folders, linked_views
 from validate.runs.progress import clock
-from validate.runs.run_file import read_run
+from validate.runs.run_file import as_options, read_run, write_run
 from validate.runs.versions import versions
 from validate.stats.measured_errors import FEWEST_TRIALS
 from validate.sweeps import claims, correlation, optima, rows, scale_of_r, single_step, slopes, summary
 from validate.sweeps.step_names import names_in_steps
 from validate.sweeps.sweep import Plan, SweepResult, assess_sweep, plan
 
-__all__ = ["Options", "check_folders", "execute", "linked_views"]
+__all__ = ["Options", "execute"]
 
 
 @dataclass(frozen=True)
@@ -92,7 +90,8 @@ def execute(options: Options, messages: RunMessages) -> int:
     chosen = backend.choose(options.variant)
     loaded = _loaded(options)
     messages.console.print(str(chosen), markup=False)
-    store = open_store(options.store)
+    source = ViewSource(open_store(options.store), options.store, chosen, messages, options.scale)
+    store = source.store
     if not options.dry_run:
         command = "sweeps" if options.cameras is None else "measure"
         messages.start(options.folder, command, sweeps=options.names, store=options.store)
@@ -100,7 +99,7 @@ def execute(options: Options, messages: RunMessages) -> int:
     for warning in of_files:
         messages.warn(warning)
     if options.dry_run:
-        exposed = exposures_assumed(loaded, store, chosen, messages)
+        exposed = exposures_assumed(loaded, source)
     else:
         exposed = with_exposures(
             loaded,
@@ -122,10 +121,10 @@ def execute(options: Options, messages: RunMessages) -> int:
             messages.warn(warning)
     if options.dry_run:
         counts = [f"{each.sweep.name}: {len(each.configurations)} configurations" for each in plans]
-        announce(counts, wanted, store, options.store, chosen, options.folder, messages, options.scale)
+        announce(counts, wanted, source, options.folder)
         return EXIT_DONE
 
-    acquired = acquire(wanted, store, chosen, messages, options.scale)
+    acquired = source.acquire(wanted)
     after_views = time.perf_counter()
     results = [assess_sweep(each, acquired) for each in plans]
     after_assessment = time.perf_counter()
@@ -133,20 +132,13 @@ def execute(options: Options, messages: RunMessages) -> int:
     after_tables = time.perf_counter()
     drawn_from, last = figures.source_of(options.folder, results), _of_last_run(options.folder)
     if drawn_from != last.get("figures_drawn_from") or not figures.all_drawn(options.folder, results):
-        with_whole_views(
-            lambda: figures.draw_all(options.folder, results, store), wanted, store, chosen, messages, options.scale
-        )
+        source.with_whole_views(lambda: figures.draw_all(options.folder, results, store), wanted)
     after_figures = time.perf_counter()
     reported_from = source_of_report(drawn_from) if options.report else last.get("report_made_from")
     made = last.get("report_made_from") == reported_from and (options.folder / REPORT).exists()
     if options.report and not made and any(result.assessments for result in results):
-        with_whole_views(
-            lambda: write_report(options.folder, of_results(results, acquired.measured), store),
-            wanted,
-            store,
-            chosen,
-            messages,
-            options.scale,
+        source.with_whole_views(
+            lambda: write_report(options.folder, of_results(results, acquired.measured), store), wanted
         )
     seconds = {
         "views": after_views - begin,
@@ -162,19 +154,17 @@ def execute(options: Options, messages: RunMessages) -> int:
         messages.warn(line)
     summary.show(results, acquired, messages.console)
     names = names_in_steps(plans)
-    warn_of_render_noise(wanted, acquired, messages.warn, names)
-    warn_of_saturation(wanted, acquired, messages.warn, names)
-    warn_of_darkness(wanted, acquired, messages.warn, names)
+    warn_of_quality(wanted, acquired, messages, names)
     messages.failed(acquired.failed, names)
     for each in results:
         for label, cause in each.skipped:
             messages.left_out(f"{each.plan.sweep.name} {label}: left out, a view failed ({cause})")
     counts_now = f"{acquired.rendered} rendered, {len(acquired.measured_items)} measured now"
-    return messages.end(
-        EXIT_FAILED if acquired.failed else EXIT_DONE,
+    return end_run(
         f"{len({i.request.key for i in wanted})} views ({counts_now}) in {clock(seconds['total'])}; "
         f"results in {options.folder}",
         acquired,
+        messages,
     )
 
 
@@ -191,25 +181,6 @@ def _check(options: Options) -> None:
         check_default_folder(options.names, options.folder)
     check_folders(options.folder, options.store)
     options.scale.check()
-
-
-def check_folders(out: Path, store: str) -> None:
-    """Whether a run could leave something there, before it takes its time.
-
-    Raises:
-        StoreError: a file is in the way, or the folder of results cannot be written.
-    """
-    # A store that has all that is wanted need not be writable.
-    if not is_address(store) and Path(store).exists() and not Path(store).is_dir():
-        raise StoreError(f"--store {store} is a file; allowed is a folder")
-    if out.exists() and not out.is_dir():
-        raise StoreError(f"--out {out} is a file; allowed is a folder")
-    if not is_address(store) and out.resolve() == Path(store).resolve():
-        raise StoreError(f"--out {out} is the store; allowed is another folder")
-    existing = next(parent for parent in [out, *out.resolve().parents] if parent.exists())
-    if not os.access(existing, os.W_OK):
-        raise StoreError(f"--out {out} cannot be written; allowed is a folder that you may write to")
-    check_outputs(out)
 
 
 def _loaded(options: Options) -> list[tuple[SweepFile, Scene]]:
@@ -239,19 +210,6 @@ def _write(
     linked_views(folder, sorted({item.request.key for item in wanted} - set(acquired.failed)), store)
 
 
-def linked_views(folder: Path, keys: Iterable[str], store: Store) -> None:
-    """Point `views/` of a run's folder into the store."""
-    views = folder / "views"
-    views.mkdir(parents=True, exist_ok=True)
-    for key in dict.fromkeys(keys):
-        link, target = views / f"{key}.exr", store.view(key)
-        if link.is_dir() and not link.is_symlink():
-            raise StoreError(f"{link} is a folder; allowed is a file in its place, or nothing")
-        if link.is_symlink() or link.exists():
-            link.unlink()
-        link.symlink_to(os.path.relpath(target, views))
-
-
 def _write_run(
     options: Options,
     plans: Sequence[Plan],
@@ -262,20 +220,18 @@ def _write_run(
     reported_from: object,
 ) -> None:
     content = {
-        "options": {name: str(value) for name, value in dataclasses.asdict(options).items()},
+        "options": as_options(dataclasses.asdict(options)),
         "sweeps": {each.sweep.name: each.sweep.resolved() for each in plans},
         "scenes": {each.sweep.name: each.scene.resolved() for each in plans},
         "seeds": {each.sweep.name: each.sweep.seed for each in plans},
         "renderer": chosen.identity,
         "versions": versions(),
         "seconds": seconds,
-        "rendered": acquired.rendered,
-        "measured": len(acquired.measured_items),
-        "failed": acquired.failed,
+        **acquired.counts,
         "figures_drawn_from": drawn_from,
         "report_made_from": reported_from,
     }
-    write_text(options.folder / "run.json", json_text(content, indent=2) + "\n")
+    write_run(options.folder, content)
 
 
 def _of_last_run(folder: Path) -> dict[str, object]:

@@ -13,24 +13,22 @@ from rich.table import Table
 
 import scenes
 from pss.hints import Row
-from pss.json_text import json_text
 from pss.noise import Calibration
-from render import backend
-from render.store.folder import Store, atomic_path, write_text
-from render.store.remote import open_store
+from render.store.folder import atomic_path, write_text
 from scenes.steps.schedule_file import load_schedule
-from validate.acquire.acquire import Acquired, acquire, with_whole_views
+from validate.acquire.acquire import Acquired
 from validate.acquire.forecast import announce
 from validate.acquire.messages import RunMessages
 from validate.acquire.options import HERE, Scale
-from validate.acquire.quality_warnings import warn_of_darkness, warn_of_render_noise, warn_of_saturation
+from validate.acquire.source import ViewSource, end_run, open_source, warn_of_quality
 from validate.acquire.view_names import view_names
 from validate.bank.judge import FREE_MODELS, check_models, judged, scene_contenders
-from validate.commands.run import check_folders, linked_views
 from validate.runs.console import Console
-from validate.runs.exit_codes import EXIT_DONE, EXIT_FAILED
+from validate.runs.exit_codes import EXIT_DONE
+from validate.runs.outputs import check_folders, linked_views
 from validate.runs.program import program_name
 from validate.runs.progress import clock
+from validate.runs.run_file import as_options, write_run
 from validate.runs.versions import versions
 from validate.schedule.agreement import ALL_RUNS, agreement_rows
 from validate.schedule.claims import claim_rows
@@ -104,16 +102,14 @@ def run(
     strategies_of(file, own)  # raises what is wrong with them
     stage = stage_of(file, scenes.load(scene or file.scene_path, overrides, allow_outside=allow_outside))
     check_models(stage.scene, "schedule", FREE_MODELS)
-    opened = open_store(store)
     with RunMessages(quiet) as messages:
-        chosen = backend.choose(variant)
-        messages.console.print(str(chosen), markup=False)
+        source = open_source(store, variant, messages, scale)
         messages.note("steering the cameras")
         runs = steered_runs(file, stage, own)
         wanted = Wanted(
-            training_views(file, stage, chosen.identity),
-            design_of(file, stage, runs, chosen.identity),
-            real_walk_of(file, stage, own, chosen.identity) if real_walk else None,
+            training_views(file, stage, source.renderer),
+            design_of(file, stage, runs, source.renderer),
+            real_walk_of(file, stage, own, source.renderer) if real_walk else None,
         )
         if not dry_run:
             messages.start(folder, "schedule", schedule=schedule, store=store)
@@ -122,26 +118,24 @@ def run(
         if not dry_run:
             options = {"schedule": schedule, "scene": scene, "store": store, "overrides": overrides}
             options |= {"strategy": strategy, "variant": variant, "allow_outside": allow_outside, "report": report}
-            return _judge(wanted, folder, opened, chosen, messages, scale, options)
+            return _judge(wanted, folder, source, options)
         counts = [f"{file.name}: {len(runs)} runs of {len(wanted.design.scenes)} steps"]
         if wanted.real is not None:
             counts.append(f"the real walk: {len(wanted.real.scenes)} frames")
-        announce(counts, wanted.views, opened, store, chosen, folder, messages, scale)
+        announce(counts, wanted.views, source, folder)
         return EXIT_DONE
 
 
 def _judge(
     wanted: Wanted,
     folder: Path,
-    store: Store,
-    chosen: backend.Backend,
-    messages: RunMessages,
-    scale: Scale,
+    source: ViewSource,
     options: Mapping[str, object],
 ) -> int:
     """Get the views, predict and measure, and leave tables, figures, report and film; the exit code."""
     begin = time.perf_counter()
-    acquired = acquire(wanted.views, store, chosen, messages, scale)
+    store, messages = source.store, source.messages
+    acquired = source.acquire(wanted.views)
     names = view_names(wanted.views)
     messages.failed(acquired.failed, names)
     whole = wanted.without(acquired.failed, messages)
@@ -158,35 +152,24 @@ def _judge(
         linked_views(folder, [i.request.key for i in wanted.views if i.request.key not in acquired.failed], store)
         after_tables = time.perf_counter()
         if options["report"]:
-            made = of_schedule(both, acquired.measured, chosen.identity)
-            with_whole_views(
-                lambda: write_schedule_report(folder, made, store), wanted.views, store, chosen, messages, scale
-            )
+            made = of_schedule(both, acquired.measured, source.renderer)
+            source.with_whole_views(lambda: write_schedule_report(folder, made, store), wanted.views)
         reported = time.perf_counter() - after_tables
         if whole.real is not None:
             tracked = track_real_walk(whole.real, acquired, calibration)
             said = whole.design.schedule.spec
             told = said.process.acceleration_density_m2_s3
-            with_whole_views(
-                lambda: write_real_walk(folder, tracked, store, said.seed, told),
-                wanted.views,
-                store,
-                chosen,
-                messages,
-                scale,
-            )
+            source.with_whole_views(lambda: write_real_walk(folder, tracked, store, said.seed, told), wanted.views)
         _show(tables, messages.console)
     seconds = {"views": after_views - begin, "report": reported, "total": time.perf_counter() - begin}
-    _write_run(folder, options, wanted.design, chosen.identity, acquired, sorted(tables), seconds, predicted_with)
-    warn_of_render_noise(wanted.views, acquired, messages.warn, names)
-    warn_of_saturation(wanted.views, acquired, messages.warn, names)
-    warn_of_darkness(wanted.views, acquired, messages.warn, names)
-    return messages.end(
-        EXIT_FAILED if acquired.failed else EXIT_DONE,
+    _write_run(folder, options, wanted.design, source.renderer, acquired, sorted(tables), seconds, predicted_with)
+    warn_of_quality(wanted.views, acquired, messages, names)
+    return end_run(
         f"{len({item.request.key for item in wanted.views})} views ({acquired.rendered} rendered, "
         f"{len(acquired.measured_items)} measured now) in {clock(seconds['total'])}, "
         f"{clock(seconds['total'] - seconds['views'])} after the views; results in {folder}",
         acquired,
+        messages,
     )
 
 
@@ -251,20 +234,18 @@ def _write_run(
     predicted_with: dict[str, object],
 ) -> None:
     content: dict[str, Any] = {
-        "options": {name: str(value) for name, value in options.items()},
+        "options": as_options(options),
         "schedule": design.schedule.resolved(),
         "scene": design.stage.scene.resolved(),
         "predicted_with": predicted_with,
         "walk": asdict(design.stage.walk),
         "renderer": renderer,
         "versions": versions(),
-        "rendered": acquired.rendered,
-        "measured": len(acquired.measured_items),
-        "failed": acquired.failed,
+        **acquired.counts,
         "tables": tables,
         "seconds": seconds,
     }
-    write_text(folder / "run.json", json_text(content, indent=2) + "\n")
+    write_run(folder, content)
 
 
 def _show(tables: dict[str, list[Row]], console: Console) -> None:

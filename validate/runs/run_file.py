@@ -1,4 +1,7 @@
-"""`run.json` of a folder of results, which a stranger may have written: read whole, or refused in one line."""
+"""`run.json` of a folder of results: the only reader and writer of it.
+
+A stranger may have written one: it is read whole, or refused in one line.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +13,10 @@ from typing import Any
 
 from pss import RangeError
 from pss.files import read_bounded
-from render.store.folder import StoreError
+from pss.json_text import json_text
+from render.store.folder import StoreError, write_text
 
-__all__ = ["RUN_FILE", "listed", "needed", "option", "read_run"]
+__all__ = ["RUN_FILE", "as_options", "listed", "needed", "option", "read_run", "write_run"]
 
 RUN_FILE = "run.json"
 # Of a run of many sweeps it has a megabyte.
@@ -47,6 +51,20 @@ def read_run(folder: Path) -> dict[str, Any] | None:
     if not isinstance(content, dict):
         raise StoreError(f"{path}: {_shown(content)}; allowed: an object, as a run left")
     return content
+
+
+def write_run(folder: Path, content: Mapping[str, object]) -> None:
+    """Write a folder's `run.json`: the run's options, files, seeds, versions and counts, as far as it has them.
+
+    Raises:
+        StoreError: the folder cannot be written.
+    """
+    write_text(folder / RUN_FILE, json_text(content, indent=2) + "\n")
+
+
+def as_options(options: Mapping[str, object]) -> dict[str, str]:
+    """A run's options as `run.json` has them, for `option`, `needed` and `listed` to read."""
+    return {name: str(value) for name, value in options.items()}
 
 
 def option(folder: Path, options: Mapping[str, Any], name: str) -> str | None:

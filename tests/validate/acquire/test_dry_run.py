@@ -22,6 +22,7 @@ from validate.acquire.acquire import acquire
 from validate.acquire.forecast import LEAST_KNOWN, announce, forecast
 from validate.acquire.messages import RunMessages
 from validate.acquire.options import HERE, Scale
+from validate.acquire.source import ViewSource
 from validate.acquire.view_costs import USUAL_RATIO, measure_seconds, render_seconds
 from validate.run_sweep import main
 from validate.runs.progress import EXPECTED_LIGHT_SECONDS, EXPECTED_MEASURE_SECONDS, EXPECTED_SECONDS
@@ -85,7 +86,8 @@ def test_a_disk_that_is_too_small_is_said(wanted, tmp_path, monkeypatch):
     messages.console, messages.errors = Console(file=io.StringIO(), width=200), Console(file=io.StringIO(), width=200)
     for free, warned in ((10**12, False), (10_000, True)):
         monkeypatch.setattr(dry_run, "free_bytes", lambda path, free=free: free)
-        announce(["two configurations"], wanted, Store(tmp_path), str(tmp_path), chosen, tmp_path / "out", messages)
+        source = ViewSource(Store(tmp_path), str(tmp_path), chosen, messages)
+        announce(["two configurations"], wanted, source, tmp_path / "out")
         assert ("too small" in messages.errors.file.getvalue()) == warned
     said = messages.console.file.getvalue()
     for words in ("two configurations", "3 to render (0 stored)", "light of 1 scene states", "scalar_rgb", "0 MB free"):
@@ -136,7 +138,8 @@ def test_memory_that_is_too_small_is_said(wanted, tmp_path, monkeypatch, scale):
     large = of_size(wanted, 8000, 6000)
     for machine, warned in ((10**12, False), (0, False), (6 * 10**9, True)):
         monkeypatch.setattr(dry_run, "machine_bytes", lambda machine=machine: machine)
-        announce(["two"], large, Store(tmp_path), str(tmp_path), chosen, tmp_path / "out", messages, scale)
+        source = ViewSource(Store(tmp_path), str(tmp_path), chosen, messages, scale)
+        announce(["two"], large, source, tmp_path / "out")
         assert ("memory is too small" in messages.errors.file.getvalue()) == warned
     said = messages.console.file.getvalue()
     assert "memory: about 8.4 GB " in said

@@ -12,7 +12,7 @@ from tests.conftest import ROOM_FILE
 from tests.helpers.drawn_pixels import acquired_of
 from validate.acquire.acquire import Acquired
 from validate.acquire.messages import RunMessages
-from validate.bank import acquire as prepare
+from validate.acquire.source import ViewSource
 from validate.bank.acquire import acquire_banks, enough
 from validate.bank.design import BankDesign, held_out_views, training_views
 from validate.commands import schedule
@@ -29,9 +29,9 @@ def test_a_bank_leaves_the_failed_view_out_with_both_its_renders(monkeypatch, ca
     training, held_out = training_views(scene, design, "r"), held_out_views(scene, design, "r")
     lost = held_out.views[3]
     acquired = Acquired(failed={lost.renders[1].request.key: CAUSE})
-    monkeypatch.setattr(prepare, "acquire", lambda wanted, *others: acquired)
+    monkeypatch.setattr(ViewSource, "acquire", lambda source, requested: acquired)
     messages = RunMessages(quiet=True)
-    found, (kept_training, kept) = acquire_banks([training, held_out], None, None, messages)
+    found, (kept_training, kept) = acquire_banks([training, held_out], ViewSource(None, "", None, messages))
     assert found is acquired
     assert kept_training.views == training.views
     assert kept.views == held_out.views[:3] + held_out.views[4:]
@@ -69,7 +69,7 @@ def test_a_schedule_leaves_out_the_runs_that_need_a_failed_view(tmp_path, monkey
         designs.append(design_of(*arguments))
         return designs[-1]
 
-    def acquire(wanted, store, chosen, messages, scale):
+    def acquire(source, wanted):
         (design,) = designs
         free, held_back = ({item.request.key for views in of_run for item in views} for of_run in design.views)
         chosen_keys = {"none": set(), "of one run": held_back - free, "of every run": held_back & free}[which]
@@ -77,7 +77,7 @@ def test_a_schedule_leaves_out_the_runs_that_need_a_failed_view(tmp_path, monkey
         return _acquired(wanted, sorted(chosen_keys)[:1])
 
     monkeypatch.setattr(schedule, "design_of", remembered)
-    monkeypatch.setattr(schedule, "acquire", acquire)
+    monkeypatch.setattr(ViewSource, "acquire", acquire)
     monkeypatch.setattr(schedule, "view_rows", lambda *_: [])  # asks for certificates, which no drawn view has
     monkeypatch.setattr(schedule, "_draw", lambda *_: None)
     code = schedule.run(

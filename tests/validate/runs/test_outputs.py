@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-import validate.commands.run
 from render.store.folder import Store, StoreError, write_text
 from validate.acquire.messages import RunMessages
-from validate.commands.run import Options, check_folders, execute, linked_views
+from validate.acquire.source import ViewSource
+from validate.commands.run import Options, execute
 from validate.run_sweep import main
-from validate.runs.outputs import FOLDERS, check_outputs
+from validate.runs.outputs import FOLDERS, check_folders, check_outputs, linked_views
 
 # All that `run_sweep.py zoom` writes into its folder.
 FILES = [
@@ -45,7 +45,7 @@ def test_files_of_an_earlier_run_are_in_nobodys_way(tmp_path):
 
 
 def test_a_run_ends_before_it_renders(tmp_path, monkeypatch):
-    monkeypatch.setattr(validate.commands.run, "acquire", lambda *all_of_it: pytest.fail("rendered"))
+    monkeypatch.setattr(ViewSource, "acquire", lambda *all_of_it: pytest.fail("rendered"))
     (tmp_path / "report.html").mkdir()
     with pytest.raises(StoreError, match=r"report\.html is a folder"), RunMessages(quiet=True) as messages:
         execute(Options(("zoom",), out=tmp_path, store=str(tmp_path / "store")), messages)
