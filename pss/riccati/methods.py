@@ -176,7 +176,7 @@ def scipy_loop(A: Floats, Q: Floats, H: Floats, R: Floats) -> tuple[Floats, Fail
 
 
 def posterior(P: Floats, J: Floats) -> Floats:
-    """P⁺ = L (I + Lᵀ J L)⁻¹ Lᵀ with P = L Lᵀ: the inverted matrix has no eigenvalue below one."""
+    """P⁺ = L (I + Lᵀ J L)⁻¹ Lᵀ with P = L Lᵀ, (..., n, n): the inverted matrix has no eigenvalue below one."""
     root: Floats
     try:
         root = np.linalg.cholesky(P).astype(np.float64)

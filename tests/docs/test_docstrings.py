@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[2]
-ARRAYS = ("Floats", "Bools", "NDArray", "BoolArray", "Indices")
+ARRAYS = ("Floats", "Bools", "Indices", "Integers", "Images", "Pixels", "NDArray")
+# A shape is a tuple of axes, as Python prints it: (N,) has the comma, and (...) stands for any number of axes.
+AXIS = r"(?:\.\.\.|[A-Za-z]|\d+[a-z]?|[a-z]·[a-z]|count|most)"
+SHAPE = re.compile(rf"\({AXIS}(?:(?:, {AXIS})+|,)\)|\(\.\.\.\)|\bshape\b")
 MODULES = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "pss").rglob("*.py"))
 # What the docstring of the class says of all its arrays.
 CLASS_WIDE = {
@@ -42,10 +46,24 @@ def test_public_names_have_docstrings_and_arrays_have_shapes(module):
         if isinstance(node, ast.ClassDef) or node.returns is None:
             continue
         returns = ast.unparse(node.returns)
-        described = "(" in text or "hape" in text or (owner is not None and owner.name in CLASS_WIDE)
+        described = SHAPE.search(text) or (owner is not None and owner.name in CLASS_WIDE)
         if any(kind in returns for kind in ARRAYS) and not described:
-            wanting.append(f"{name}: gives {returns}, says no shape")
+            wanting.append(f"{name}: returns {returns}, gives no shape")
     assert not wanting, wanting
+
+
+@pytest.mark.parametrize(
+    "text", ["(N,)", "(C, N)", "(..., 3)", "(...)", "(N, 3d, 3d)", "(..., n·m, n)", "of any shape"]
+)
+def test_shapes_are_recognised(text):
+    assert SHAPE.search(f"Points, {text}, in m.")
+
+
+@pytest.mark.parametrize(
+    "text", ["(Eq. 4)", "(C)", "(x right, y down)", "(I + Lᵀ J L)", "(depth 0)", "(a, b and c)", "N"]
+)
+def test_other_brackets_are_no_shapes(text):
+    assert not SHAPE.search(f"Points, {text}, in m.")
 
 
 def test_class_wide_statements_are_there():

@@ -18,6 +18,11 @@ RESIDUAL = 1e-10
 # A stable algorithm solves a system with entries off by some eps; that moves P by κ eps, with κ the number of frames
 # over which the filter forgets, or the spread of J's eigenvalues. The factor covers the sums over n entries.
 ROUNDINGS = 300
+# Each entry of the product PJ is a sum over up to nine states, and each of its roundings is eps times the largest term:
+# in units of P's standard deviations, the largest eigenvalue of J. Where J is nearly singular, P is large along the
+# direction that J hardly sees, and these terms cancel in the residual. Over 60 orientations of the axes and all methods
+# at most 2.9 roundings are measured.
+PRODUCT_ROUNDINGS = 9
 DIGITS = 60
 
 

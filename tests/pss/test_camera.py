@@ -6,7 +6,7 @@ import math
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from pss import GeometryError, PSSError, PTZCamera, RangeError, ShapeError
@@ -167,8 +167,8 @@ def test_the_frustum_is_the_area_of_the_sensor(camera, seed):
 @given(camera=cameras, target=st.tuples(*[st.floats(-20, 20)] * 3))
 def test_aimed_at_puts_the_target_in_the_middle(camera, target):
     away = np.array(target) - np.array(camera.position_m)
-    if math.hypot(away[0], away[1]) < 0.01 * np.linalg.norm(away) or np.linalg.norm(away) < 1e-3:
-        return  # within half a degree of straight up or down
+    assume(np.linalg.norm(away) > 1e-3)
+    assume(math.hypot(away[0], away[1]) > 0.01 * np.linalg.norm(away))  # not within half a degree of up or down
     aimed = camera.aimed_at(target)
     pixel, depth = aimed.project(target)
     np.testing.assert_allclose((pixel - camera.principal_point_px) / camera.focal_px, 0, rtol=0, atol=1e-10)
