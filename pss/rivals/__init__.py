@@ -1,15 +1,15 @@
-"""Other metrics for camera configurations, from the literature, to set beside PSS.
+"""Other metrics for camera configurations, from the literature, for comparison with PSS.
 
-`Metric.status` says how well a formula is known: "read" in its source, "checked" numerically besides, or "after" a
-source of which only the abstract was read. `Metric.unobservable` says how a metric counts points that nothing fixes.
-Those whose sources say nothing of such points are there twice: by their own convention (∞ as soon as there is one),
-and as NAME-count-zero, the mean of 1/σ to which such points add zero (Eq. 10), of which more is better. Then
-"e-optimality-count-zero" is "pss-single-frame" by another name.
+`Metric.status` states how well a formula is verified: "read" in its source, "checked" numerically besides, or "after" a
+source of which only the abstract was read. `Metric.unobservable` states how a metric counts unobservable points. Those
+whose sources do not define it exist twice: by their own convention (∞ as soon as there is one), and as NAME-count-zero,
+the mean of 1/σ in which such points count zero (Eq. 10; higher is better). "e-optimality-count-zero" is then identical
+to "pss-single-frame".
 
-Near ties are to be expected: quantisation volume, worst diagonal, GDOP, A-, D- and E-optimality, the planar estimator
-and the pair of bearings are all made of distances and angles, and rise and fall together where R is fixed. With R = I
-and one zoom, the quantisation volume orders configurations as D-optimality does, GDOP and the planar estimator nearly
-as A-optimality, the worst diagonal nearly as E-optimality; those of a volume and of the worst direction agree least.
+Expect near ties: quantisation volume, worst diagonal, GDOP, A-, D- and E-optimality, the planar estimator and the pair
+of bearings all depend on distances and angles, and are strongly correlated where R is fixed. With R = I and one zoom,
+the quantisation volume ranks configurations as D-optimality does, GDOP and the planar estimator nearly as A-optimality,
+the worst diagonal nearly as E-optimality; volumes and worst directions agree least.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""PSS with parts of it taken away: R = I, one quality factor alone, the filter's error after its update.
+"""PSS without some of its parts: R = I, a single quality factor, or the filter's error after its update.
 
-Without the process model PSS is "pss-single-frame", which the table has already. For Q → ∞ the a-posteriori P⁺ tends
+PSS without the process model is "pss-single-frame", which the table has already. For Q → ∞ the a-posteriori P⁺ tends
 to C, and the a-priori P∞ to Q + C.
 """
 
@@ -33,12 +33,12 @@ __all__ = ["ABLATIONS", "evaluation_with", "own_factor"]
 
 F = TypeVar("F", bound=NoiseFactor)
 
-# Without it R would be zero in the plane of focus, and at grazing incidence as Eq. 11 is printed.
+# Without it R would be zero in the plane of focus, and at grazing incidence with Eq. 11 as printed.
 PIXEL = IdentityNoise(PIXEL_VARIANCE_PX2, "pixel")
 
 
 def evaluation_with(evaluation: Evaluation, noise: NoiseModel) -> Evaluation:
-    """The same cameras, points and visibility with another model of R; other sensors keep what they measured."""
+    """The same cameras, points and visibility with another model of R; other sensors keep their covariance."""
     task = dataclasses.replace(evaluation.task, noise=noise)
     if not evaluation.cameras:
         return dataclasses.replace(evaluation, task=task)
@@ -60,7 +60,7 @@ def evaluation_with(evaluation: Evaluation, noise: NoiseModel) -> Evaluation:
 
 
 def own_factor(evaluation: Evaluation, default: F) -> F:
-    """The factor of the default's kind in the evaluation's noise model, for its constants; or the default."""
+    """The factor of the default's type in the evaluation's noise model, for its constants; or the default."""
     for factor in evaluation.task.noise.factors:
         unweighted = factor.factor if isinstance(factor, Weighted) else factor
         if isinstance(unweighted, type(default)):

@@ -1,4 +1,4 @@
-"""Rivals that ask at which angles a point is seen, and nothing of pixels: triangulability, pairs of bearings."""
+"""Rivals from viewing angles alone, without pixels: triangulability, pairs of bearings."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ __all__ = [
 # Rays that meet at less than 40° or more than 140° do not count as triangulation.
 SMALLEST_ANGLE_DEG = 40.0
 LARGEST_ANGLE_DEG = 180.0 - SMALLEST_ANGLE_DEG
-# Points that look at two cameras under exactly 40° would change sides with the last bit.
+# Tolerance, so that rounding does not decide for points seen under exactly 40°.
 COS_ROUNDING = 1e-12
 
 

@@ -1,6 +1,6 @@
-"""Rivals that are a number of a covariance: of C = J⁻¹, of bearings or of pixels alike, and of a filter's update.
+"""Rivals that are a scalar of a covariance: of C = J⁻¹, of bearings, of equal pixels, and of a filter's update.
 
-Metrics of C and of bearings rise and fall together where R is the same for all views: near ties are to be expected.
+Metrics of C and of bearings are strongly correlated where R is the same for all views: expect near ties.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pss.metric.evaluation import Evaluation
 from pss.metric.table import Metric
 from pss.noise import IdentityNoise, NoiseModel
 from pss.riccati.covariances import from_six, to_six
-from pss.rivals.shared import both_conventions, directions, known
+from pss.rivals.shared import both_conventions, directions, resolvable_six
 
 __all__ = [
     "COVARIANCE_METRICS",
@@ -31,27 +31,27 @@ __all__ = [
 ]
 
 
-# px², variance of ±½ px, all places alike.
+# px², variance of a uniform error of ±½ px.
 PIXEL_VARIANCE_PX2 = 1 / 12
 PIXEL_GRID = NoiseModel("pixel grid", (IdentityNoise(PIXEL_VARIANCE_PX2),))
-# m, what is known of a target before anything is measured: it is somewhere in the middle of the room.
+# m, prior σ of a target before any measurement: it is somewhere in the middle of the room.
 PRIOR_SIGMA_M = 1.0
 
 
 def quantisation_volume_m3(evaluation: Evaluation) -> Floats:
     """m³, √det C with R = I/12 px², (N,); ∞ if unobservable. Less is better.
 
-    After Wu, Sharma and Huang 1998: the region that the pyramids of ±½ px cut out, of which the abstract says that an
-    ellipsoid stands for it. Taking √det of the Gaussian with the squares' variance for its volume is our reading. The
-    region's own volume is a multiple of it: 12^1.5 = 41.6 to √2·12^1.5 = 58.8 for two cameras (at right angles and
-    alike: 58.8), and the larger the more cameras there are (for five about 100).
+    After Wu, Sharma and Huang 1998: the intersection of the pyramids of ±½ px, which according to the abstract is
+    approximated by an ellipsoid. Its volume as √det of the Gaussian with the squares' variance is our reading. The
+    volume of the intersection is a multiple of it: 12^1.5 = 41.6 to √2·12^1.5 = 58.8 for two cameras (58.8 if equal and
+    at right angles), and larger with more cameras (about 100 for five).
     """
     weight = PIXEL_GRID.of_views(evaluation.views).inverse(evaluation.visible)
     return _root_determinant(evaluation.views.information(weight, evaluation.visible).sum(axis=0))
 
 
 def _root_determinant(six: Floats) -> Floats:
-    fixed, _ = known(six)
+    fixed, _ = resolvable_six(six)
     found = np.full(six.shape[1], np.inf)
     found[fixed] = np.exp(-np.linalg.slogdet(from_six(six[:, fixed]))[1] / 2)
     return found
@@ -74,7 +74,7 @@ def gdop_m(evaluation: Evaluation) -> Floats:
     range_m = evaluation.views.range_m
     weight = np.where(evaluation.visible, 1 / np.where(range_m > 0, range_m, 1.0) ** 2, 0.0)
     information = np.einsum("cn,ij->nij", weight, np.eye(3)) - np.einsum("cn,cni,cnj->nij", weight, u, u)
-    fixed, _ = known(to_six(information))
+    fixed, _ = resolvable_six(to_six(information))
     found = np.full(len(information), np.inf)
     found[fixed] = np.sqrt(np.trace(np.linalg.inv(information[fixed]), axis1=1, axis2=2))
     return found
@@ -102,21 +102,21 @@ def _or_infinite(values: Floats) -> Floats:
 
 
 def _t_optimality(evaluation: Evaluation) -> Floats:
-    """1/m², tr J, (N,). More is better; an unobservable point counts with what is measured of it."""
+    """1/m², tr J, (N,). More is better; an unobservable point counts with the information there is."""
     return np.asarray(np.trace(evaluation.information[:, :3, :3], axis1=1, axis2=2))
 
 
 def _t_optimality_count_zero(evaluation: Evaluation) -> Floats:
-    """1/m, √tr J, (N,); unobservable points add zero. More is better."""
+    """1/m, √tr J, (N,); unobservable points count zero. More is better."""
     return np.where(evaluation.observable, np.sqrt(_t_optimality(evaluation)), 0.0)
 
 
 def uncertainty_reward_m2(evaluation: Evaluation, prior_sigma_m: float = PRIOR_SIGMA_M) -> float:
     """m², Σ over points of ‖P⁻‖_F − ‖P⁺‖_F, P⁻ = σ²I the same for all configurations. More is better.
 
-    Source: Stone Soup's UncertaintyRewardFunction. There P⁻ is the track before the choice, so it must not depend on
-    it. With 1 m against millimetres this nearly counts what is seen: √3 m² for a point that is fixed, √3 − 1 for one
-    that a single camera sees, 0 for one that none sees.
+    Source: Stone Soup's UncertaintyRewardFunction. There P⁻ is the track's covariance before the choice, so that it
+    must not depend on it. With 1 m against millimetres this nearly counts visible points: √3 m² for a point that is
+    determined, √3 − 1 for one that a single camera sees, 0 for one that no camera sees.
     """
     return float(_rewards(evaluation, prior_sigma_m).sum())
 
@@ -127,17 +127,17 @@ def _rewards(evaluation: Evaluation, prior_sigma_m: float = PRIOR_SIGMA_M) -> Fl
 
 
 def _steady_state_rewards(evaluation: Evaluation) -> Floats:
-    """m², (N,), the same with P⁻ = P∞ and P⁺ of the filter's steady state; unobservable points add zero. More is
-    better.
+    """m², (N,), the same with P⁻ = P∞ and P⁺ of the filter's steady state; unobservable points count zero.
 
-    P∞ = P⁺ + Q for a random walk, so that the reward is what Q adds, whatever the cameras: hardly a metric.
+    More is better. P∞ = P⁺ + Q for a random walk, so that the reward is the contribution of Q, whatever the cameras: it
+    is hardly a metric.
     """
     before, after = (np.linalg.norm(P[:, :3, :3], axis=(1, 2)) for P in (evaluation.covariance, evaluation.posterior))
     return np.where(evaluation.observable, before - after, 0.0)
 
 
 def _summed(values: Callable[[Evaluation], Floats]) -> Callable[[Evaluation], Floats]:
-    """Terms whose mean over the points is the sum of these."""
+    """Terms whose mean over the points is the sum of these values."""
 
     def terms(evaluation: Evaluation) -> Floats:
         found = values(evaluation)

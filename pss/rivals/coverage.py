@@ -1,4 +1,4 @@
-"""Rivals that count views, each weighted by how good it is, without asking what their rays say together."""
+"""Rivals that count views, each weighted by its quality, without regard to their joint geometry."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ __all__ = [
 ]
 
 
-# A third camera is what makes a triangulation checkable; further ones are not counted.
+# A third camera makes a triangulation verifiable; further ones are not counted.
 ENOUGH_CAMERAS = 3
 
-# Ramps of Mavrinac's coverage strength: 0 at "acceptable", 1 at "ideal". The source leaves them to the task (its
-# defaults let everything pass but the ideal blur, 1 px); these are ours, for a room of a few metres.
+# Ramps of Mavrinac's coverage strength: 0 at "acceptable", 1 at "ideal". In the source they depend on the task (its
+# defaults pass everything but the ideal blur, 1 px); these are ours, for a room of a few metres.
 BOUNDARY_PADDING_PX = 20.0
 IDEAL_RESOLUTION_MM_PER_PX = 2.0
 ACCEPTABLE_RESOLUTION_MM_PER_PX = 10.0
@@ -36,13 +36,13 @@ ACCEPTABLE_INCIDENCE_DEG = 80.0
 
 # 1/m², lab-camera-optimizer's default: a view from 8 m counts 0.94.
 DISTANCE_WEIGHT_PER_M2 = 0.001
-# Views less than this apart in azimuth are one and a bit.
+# Views closer than this in azimuth count as one and a fraction.
 DUPLICATE_DEG = 20.0
 DUPLICATE_COUNTS = 0.3
-# Distinct views after which more of them don't count; the source leaves it to the task, and this is ours.
+# Number of distinct views beyond which more do not count; in the source it depends on the task, and this is ours.
 TARGET_VIEWS = 4
 
-# m, d₀ of Bodor et al.: nearer than this a view is not getting better.
+# m, d₀ of Bodor et al.: nearer than this a view does not improve.
 REFERENCE_DISTANCE_M = 2.0
 
 
@@ -120,12 +120,12 @@ def _coverage_strength(evaluation: Evaluation) -> Floats:
 
 
 def _distance_weighted_views(evaluation: Evaluation) -> Floats:
-    """At each point, (N,), min(n, T)/T · Σ_r s_(r)/√r /√T, s = v²/(1 + 0.001 d²) sorted downwards. More is better.
+    """At each point, (N,), min(n, T)/T · Σ_r s_(r)/√r /√T, s = v²/(1 + 0.001 d²) in descending order. More is better.
 
-    n counts the views that differ: those less than 20° of azimuth beyond their neighbour count 0.3. v is 1 for what
-    a camera sees. Source: lab-camera-optimizer, its "base" score; its bonus for views all round, its bilateral factor
-    and its rule for cameras close to each other are left out. It counts n from the smallest azimuth and does not
-    close the circle; here it is from the widest gap, so that the direction of the axes does not matter.
+    n counts distinct views: those less than 20° of azimuth from their neighbour count 0.3. v is 1 for visible points.
+    Source: lab-camera-optimizer, its "base" score; its bonus for views all round, its bilateral factor and its rule for
+    cameras close to each other are omitted. It counts n from the smallest azimuth and does not close the circle; here
+    it is counted from the widest gap, so that the direction of the axes does not matter.
     """
     seen = evaluation.visible
     if len(evaluation.cameras) == 0:
@@ -137,17 +137,17 @@ def _distance_weighted_views(evaluation: Evaluation) -> Floats:
 
 
 def _distinct_views(evaluation: Evaluation) -> Floats:
-    """Views that differ by their azimuth, (N,): 1 for each gap round the circle, 0.3 for one below 20°.
+    """Distinct views by azimuth, (N,): 1 for each gap round the circle, 0.3 for one below 20°.
 
-    The first view, at the far end of the widest gap, counts 1 as that gap does, unless 19 views or more stand all
-    round, which are more than enough by any count.
+    The first view, at the far end of the widest gap, counts 1 like that gap, unless 19 views or more are all round,
+    which are more than enough by any count.
     """
     seen = evaluation.visible
     towards = directions(evaluation)
     azimuth = np.mod(np.degrees(np.arctan2(towards[..., 1], towards[..., 0])), 360.0)
     ordered = np.sort(np.where(seen, azimuth, np.inf), axis=0)
     count = seen.sum(axis=0)
-    ends = np.where(np.isfinite(ordered), ordered, ordered[:1] + 360.0)  # those unseen close the circle
+    ends = np.where(np.isfinite(ordered), ordered, ordered[:1] + 360.0)  # invisible ones close the circle
     ends = np.where(count > 0, np.concatenate([ends, ends[:1] + 360.0]), 0.0)
     gaps = np.diff(ends, axis=0)[: len(seen)]
     is_gap = np.arange(len(seen))[:, None] < count
@@ -157,9 +157,9 @@ def _distinct_views(evaluation: Evaluation) -> Floats:
 def _observability(evaluation: Evaluation, reference_distance_m: float = REFERENCE_DISTANCE_M) -> Floats:
     """At each point, (N,), Σ_i G_i Π_{k<i}(1 − G_k), 0 to 1, G = clip(d₀²/d² · cos θ cos φ, 0, 1). More is better.
 
-    θ is the incidence at the target, φ the angle off the camera's axis. The sum telescopes to 1 − Π(1 − G_i): the
-    order of the cameras, which the formula seems to ask for, does not matter. After Bodor et al. 2007, who sum over
-    targets where this takes the mean; d₀ and G = 0 for what a camera does not see are our reading.
+    θ is the incidence at the target, φ the angle off the camera's axis. The sum telescopes to 1 − Π(1 − G_i): despite
+    the form of the formula, the order of the cameras does not matter. After Bodor et al. 2007, who sum over targets
+    where this takes the mean; d₀, and G = 0 where a point is not visible, are our reading.
     """
     views, seen = evaluation.views, evaluation.visible
     nearness = (reference_distance_m / np.where(seen, views.range_m, 1.0)) ** 2

@@ -16,7 +16,7 @@ from pss.rivals.shared import camera_six
 __all__ = ["DETECTION_PROBABILITY", "ENTROPY_METRICS", "MOST_CAMERAS", "expected_log_determinant"]
 
 
-# Of a camera that sees the point: how often it yields its measurement, independently of the others.
+# Probability that a camera that sees the point detects it, independently of the others.
 DETECTION_PROBABILITY = 0.9
 # 2⁸ subsets of cameras are summed.
 MOST_CAMERAS = 8
@@ -27,11 +27,11 @@ POINTS_AT_ONCE = 4096
 def expected_log_determinant(evaluation: Evaluation, probability: float = DETECTION_PROBABILITY) -> Floats:
     """Σ over subsets s of the cameras of w_s·ln det P_s⁺, of m⁶, (N,).
 
-    P_s⁺ = (Π + Σ_{i∈s} HᵀR⁻¹H)⁻¹ and w_s = p^|s|·(1 − p)^(C − |s|); cameras that do not see the point add nothing, and
-    the weights of their subsets sum to one. The prior's Π is P∞⁻¹ + I/σ² with σ = `PRIOR_SIGMA_M`; it lacks P∞⁻¹ where
-    the point is unobservable. Of more than `MOST_CAMERAS` cameras, those that say most of the point (tr HᵀR⁻¹H) are
-    enumerated, and each of the others gives p·HᵀR⁻¹H for sure, which is a bit too good. Other sensors enter through
-    P∞ alone.
+    P_s⁺ = (Π + Σ_{i∈s} HᵀR⁻¹H)⁻¹ and w_s = p^|s|·(1 − p)^(C − |s|); cameras that do not see the point contribute
+    nothing, and the weights of their subsets sum to one. The prior's Π is P∞⁻¹ + I/σ² with σ = `PRIOR_SIGMA_M`, without
+    P∞⁻¹ where the point is unobservable. Of more than `MOST_CAMERAS` cameras, those with the most information (tr
+    HᵀR⁻¹H) are enumerated, and each of the others contributes p·HᵀR⁻¹H with certainty, which is slightly optimistic.
+    Other sensors enter through P∞ only.
     """
     prior = np.broadcast_to(np.eye(3) / PRIOR_SIGMA_M**2, (len(evaluation.observable), 3, 3)).copy()
     seen = evaluation.observable
@@ -61,8 +61,8 @@ def _log_determinant(six: Floats) -> Floats:
 
 
 ENTROPY_METRICS: tuple[Metric, ...] = (
-    # The abstract says: expected conditional entropy, over whether an observation comes. That each camera that sees the
-    # point yields one with the same probability, and that P∞ is the prior, is our reading.
+    # According to the abstract: expected conditional entropy, over whether an observation is made. That each camera
+    # that sees the point makes one with the same probability, and that P∞ is the prior, is our reading.
     Metric.over_points(
         "entropy",
         expected_log_determinant,

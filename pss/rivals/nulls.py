@@ -1,4 +1,4 @@
-"""Yardsticks for the other metrics: what no thought at all achieves, and what the simplest of thoughts does."""
+"""Reference values for the other metrics: an arbitrary choice, and the simplest rules."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ __all__ = ["NULL_METRICS", "arbitrary", "mean_distance_m", "pixels_per_mm"]
 
 
 def arbitrary(evaluation: Evaluation) -> float:
-    """A number from 0 to 1 that knows nothing: a hash of the cameras' settings, in any order. More is better.
+    """A number from 0 to 1 without information: a hash of the cameras' settings, in any order. More is better.
 
-    Nothing is drawn: the same configuration has the same number everywhere.
+    It is not random: equal configurations have equal numbers everywhere.
     """
     settings = "\n".join(sorted(map(_settings, evaluation.cameras)))
     return int.from_bytes(hashlib.sha256(settings.encode()).digest()[:8], "big") / 2**64
@@ -29,13 +29,13 @@ def _settings(camera: PTZCamera) -> str:
 
 
 def mean_distance_m(evaluation: Evaluation) -> float:
-    """Metres, mean distance of cameras to the points that they see; ∞ if they see none. Less is better."""
+    """Metres, mean distance between cameras and the points they see; ∞ if they see none. Less is better."""
     seen = evaluation.visible
     return float(evaluation.views.range_m[seen].mean()) if seen.any() else np.inf
 
 
 def pixels_per_mm(evaluation: Evaluation) -> float:
-    """px/mm, mean of focal length over depth, of cameras and the points that they see; 0 if none. More is better."""
+    """px/mm, mean of focal length over depth, of cameras and the points they see; 0 if none. More is better."""
     seen = evaluation.visible
     if not seen.any():
         return 0.0

@@ -1,8 +1,8 @@
-"""Rivals that turn an occluder about each point: a vertical half-space that hides the cameras behind it.
+"""Rivals that rotate an occluder about each point: a vertical half-space that hides the cameras behind it.
 
-The occluder's border goes through the point. It faces the azimuth ω and leaves the cameras on its front side, those
-less than 90° of azimuth from ω. As ω goes round, the cameras that are left change only at their azimuths ± 90°, so
-that 2C sectors describe all of it. A camera straight above or below has no azimuth and is never hidden.
+The occluder's border passes through the point. It faces the azimuth ω, and the cameras less than 90° of azimuth from ω
+remain visible. As ω rotates, the set of remaining cameras changes only at their azimuths ± 90°, so that 2C sectors
+describe it completely. A camera straight above or below has no azimuth and is never hidden.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from pss.rivals.shared import camera_six, directions, largest_sigma_m, view_pair
 __all__ = ["BOUND_M", "OCCLUSION_METRICS", "dynamic_occlusion_deg", "occluded_error_m", "sectors"]
 
 
-# m, the error of a point that nothing measures: about the diagonal of a room of 6 m by 6 m by 3 m.
+# m, the error of an unmeasured point: about the diagonal of a room of 6 m by 6 m by 3 m.
 BOUND_M = 10.0
-# Horizontal part of a unit vector that is rounding of a vertical one.
+# Horizontal component of a unit vector up to which it counts as vertical.
 VERTICAL = 1e-9
 
 
 def sectors(evaluation: Evaluation) -> tuple[Floats, Bools]:
-    """Sectors of the occluder's azimuth: their widths in rad, (S, N), and who still sees the point, (S, C, N)."""
+    """Sectors of the occluder's azimuth: their widths in rad, (S, N), and the cameras that see the point, (S, C, N)."""
     C, N = evaluation.visible.shape
     if C == 0:
         return np.full((1, N), 2 * np.pi), np.zeros((1, 0, N), dtype=np.bool_)
@@ -39,7 +39,7 @@ def sectors(evaluation: Evaluation) -> tuple[Floats, Bools]:
 
 
 def dynamic_occlusion_deg(evaluation: Evaluation) -> Floats:
-    """Degrees of the occluder's azimuth that leave no pair of cameras 40° to 140° apart, (N,), 0 to 360.
+    """Degrees of the occluder's azimuth without a remaining pair of cameras 40° to 140° apart, (N,), 0 to 360.
 
     Less is better. After Rahimian and Kearney 2017.
     """
@@ -53,11 +53,11 @@ def dynamic_occlusion_deg(evaluation: Evaluation) -> Floats:
 
 
 def occluded_error_m(evaluation: Evaluation) -> Floats:
-    """Metres, mean over the occluder's azimuth of √λmax(C) of the cameras that are left, at most `BOUND_M`, (N,).
+    """Metres, mean over the occluder's azimuth of √λmax(C) of the remaining cameras, at most `BOUND_M`, (N,).
 
-    Less is better. After Chen and Davis 2000 and 2008. The abstract says: expected error over occluders in all
-    directions. That the error is √λmax(C), the occluder a half-space, all azimuths alike, and the error without two
-    cameras `BOUND_M`, is our reading.
+    Less is better. After Chen and Davis 2000 and 2008. According to the abstract: expected error over occluders in all
+    directions. That the error is √λmax(C), the occluder a half-space, all azimuths equally likely, and the error with
+    fewer than two cameras `BOUND_M`, is our reading.
     """
     widths, left = sectors(evaluation)
     six = np.einsum("scn,cen->esn", left.astype(float), camera_six(evaluation))

@@ -15,12 +15,12 @@ __all__ = ["PLANAR_METRICS", "planar_variance_m2", "planar_weights"]
 
 
 def planar_weights(evaluation: Evaluation) -> tuple[Floats, Floats]:
-    """What each camera says across its line of sight in the horizontal plane.
+    """Weight of each camera's measurement across its line of sight in the horizontal plane.
 
     Returns:
-        w = nᵀHᵀR⁻¹Hn = 1/σ² in 1/m², (C, N), where σ² is R carried to the point's distance, the point's height and
-        its place along the ray being given; and n, the horizontal unit vector across the line of sight, (C, N, 2). A
-        camera straight above or below has no part in the plane: its weight is zero.
+        w = nᵀHᵀR⁻¹Hn = 1/σ² in 1/m², (C, N), where σ² is R propagated to the point's distance, with the point's height
+        and its position along the ray given; and n, the horizontal unit vector across the line of sight, (C, N, 2). A
+        camera straight above or below has weight zero.
     """
     x, y = np.moveaxis(directions(evaluation)[..., :2], -1, 0)
     length = np.hypot(x, y)
@@ -32,8 +32,8 @@ def planar_weights(evaluation: Evaluation) -> tuple[Floats, Floats]:
 def planar_variance_m2(evaluation: Evaluation) -> Floats:
     """m², tr J⁻¹ in the plane, (N,); ∞ where the rays are parallel or fewer than two.
 
-    4W/(W² − (Σ w cos 2θ)² − (Σ w sin 2θ)²) with W = Σ w and the azimuth θ of a camera. The denominator is
-    4 Σ_{i<j} w_i w_j sin²(θ_i − θ_j), which keeps its digits when the rays are nearly parallel.
+    4W/(W² − (Σ w cos 2θ)² − (Σ w sin 2θ)²) with W = Σ w and the azimuth θ of a camera. The denominator is computed as
+    4 Σ_{i<j} w_i w_j sin²(θ_i − θ_j), which is accurate for nearly parallel rays too.
     Source: Ercan, Yang, El Gamal and Guibas.
     """
     weight, across = planar_weights(evaluation)

@@ -1,6 +1,6 @@
-"""What several rivals need: directions and pairs of views, inverses where they exist, and two ways with the rest.
+"""What several rivals share: directions, pairs of views, inverses, and conventions for unobservable points.
 
-All of it is about cameras that see a point. Other sensors enter where a metric reads J or C of the evaluation.
+They use cameras only. Other sensors enter where a metric uses J or C of the evaluation.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from pss.metric.table import Metric, Status
 from pss.processes.steady_state import resolvable
 from pss.riccati.covariances import to_six
 
-__all__ = ["Pairs", "both_conventions", "camera_six", "directions", "known", "largest_sigma_m", "view_pairs"]
+__all__ = ["Pairs", "both_conventions", "camera_six", "directions", "largest_sigma_m", "resolvable_six", "view_pairs"]
 
 
 def directions(evaluation: Evaluation) -> Floats:
@@ -32,7 +32,7 @@ class Pairs:
 
     Attributes:
         first, second: their cameras, (P,).
-        seen: both see the point, (P, N).
+        seen: whether both see the point, (P, N).
         cos, sin: of the angle at the point between them; sin is 0 or more, (P, N).
     """
 
@@ -48,20 +48,20 @@ def view_pairs(evaluation: Evaluation) -> Pairs:
     first, second = np.triu_indices(len(evaluation.cameras), 1)
     towards = directions(evaluation)
     one, other = towards[first], towards[second]
-    # The cross product keeps the sine of nearly parallel rays, which 1 − cos² would lose.
+    # The cross product is accurate for nearly parallel rays, where 1 − cos² would cancel.
     sin = np.linalg.norm(np.cross(one, other), axis=-1)
     seen = evaluation.visible[first] & evaluation.visible[second]
     return Pairs(first, second, seen, np.einsum("pni,pni->pn", one, other), np.minimum(sin, 1.0))
 
 
 def camera_six(evaluation: Evaluation) -> Floats:
-    """1/m², HᵀR⁻¹H of each camera by its entries xx, xy, xz, yy, yz, zz, (C, 6, N); zero where it sees nothing."""
+    """1/m², HᵀR⁻¹H of each camera, entries xx, xy, xz, yy, yz, zz, (C, 6, N); zero where not visible."""
     C, N = evaluation.visible.shape
     return to_six(evaluation.camera_information.reshape(-1, 3, 3)).reshape(6, C, N).swapaxes(0, 1)
 
 
-def known(six: Floats) -> tuple[Bools, Floats]:
-    """Whether measurements fix all three coordinates, as `pss.evaluate` decides it, and λmin in 1/m².
+def resolvable_six(six: Floats) -> tuple[Bools, Floats]:
+    """Whether measurements determine all three coordinates, by the rule of `pss.evaluate`, and λmin in 1/m².
 
     Args:
         six: 1/m², entries xx, xy, xz, yy, yz, zz of information matrices, (6, M).
@@ -75,7 +75,7 @@ def known(six: Floats) -> tuple[Bools, Floats]:
 
 def largest_sigma_m(six: Floats) -> Floats:
     """Metres, √λmax of the inverses of information matrices (6, M) in 1/m²; ∞ where there is none, (M,)."""
-    fixed, smallest = known(six)
+    fixed, smallest = resolvable_six(six)
     return np.where(fixed, 1 / np.sqrt(np.where(fixed, smallest, 1.0)), np.inf)
 
 
@@ -88,14 +88,14 @@ def both_conventions(
     *,
     worst: bool = False,
 ) -> tuple[Metric, Metric]:
-    """A metric of which less is better, by its own convention and by Eq. 10's.
+    """A metric of which less is better, by its own convention and by that of Eq. 10.
 
-    Its own: the mean over the points (or the `worst`), ∞ if a single one is unobservable. Eq. 10's, "-count-zero":
-    the mean of 1/σ over all points, to which unobservable ones add zero, so that more is better.
+    The former is the mean over the points (or the `worst`), ∞ if a single one is unobservable. The latter, named
+    "-count-zero", is the mean of 1/σ over all points, in which unobservable ones count zero, so that more is better.
 
     Args:
         values: from an evaluation to a number for each point, (N,), ∞ where it is unobservable.
-        sigma: from these numbers to what is like a standard deviation; ∞ stays ∞.
+        sigma: from these numbers to an equivalent standard deviation; ∞ stays ∞.
     """
 
     infinite = "infinite if a point is unobservable"

@@ -1,7 +1,7 @@
-"""Surrogates: what is in the scene, where its points of interest lie, and what stands in the way of a line of sight.
+"""Surrogates: the shapes in a scene, the points of interest on them, and the occlusion of lines of sight.
 
-Prediction and rendering read the same objects. `Shape` is what the metric asks of an obstacle; a `Surrogate` is points
-of interest with normals, by whichever of the paper's models (section 3.4) they were chosen.
+Prediction and rendering use the same objects. `Shape` is the interface of an occluder; a `Surrogate` is a set of points
+of interest with normals, chosen by any of the paper's models (section 3.4).
 """
 
 from pss.surrogates.mesh import Mesh

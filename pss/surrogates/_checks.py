@@ -1,4 +1,4 @@
-"""Checks of arguments that the shapes share, and the turn about world z that poses them."""
+"""Argument checks that the shapes share, and the rotation about world z that poses them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def check_positive(owner: str, **sizes: float) -> None:
 
 
 def set_places(shape: object, *names: str) -> None:
-    """Make these fields of a frozen dataclass three floats each; `ShapeError` or `RangeError` if they cannot be."""
+    """Convert these fields of a frozen dataclass to three floats each, or raise `ShapeError` or `RangeError`."""
     for name in names:
         object.__setattr__(shape, name, place(getattr(shape, name), f"{type(shape).__name__}.{name}"))
 
@@ -34,7 +34,7 @@ def check_count(**counts: int) -> None:
 
 
 def turn_about_z(vectors: Floats, turn_deg: float) -> Floats:
-    """`vectors` (..., 3) turned about world z as cameras pan: 90 degrees take +y to +x."""
+    """`vectors` (..., 3) rotated about world z as cameras pan: 90 degrees take +y to +x."""
     if not math.isfinite(turn_deg):
         raise RangeError(f"turn_deg = {turn_deg!r}; allowed: finite degrees")
     sine, cosine = math.sin(math.radians(turn_deg)), math.cos(math.radians(turn_deg))

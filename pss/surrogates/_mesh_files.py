@@ -1,4 +1,4 @@
-"""Mesh files of strangers: of few formats and bounded size, read without opening anything that they name."""
+"""Mesh files from untrusted sources: few formats, bounded size, and no other file is opened."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ __all__ = ["FORMATS", "MOST_BYTES", "MOST_CORNERS", "read_mesh"]
 
 
 FORMATS = ("stl", "ply", "obj", "off", "glb")
-# What may have faces of more than three corners.
+# Formats whose faces may have more than three corners.
 POLYGONS = {"ply": read_ply, "obj": read_obj, "off": read_off}
-# A million faces as text; trimesh takes about ten times as much memory to read it.
+# A million faces as text; trimesh needs about ten times as much memory to read it.
 MOST_BYTES = 64 * 2**20
-# Of vertices, and of faces: what 64 MB can hold. A GLB may show one mesh many times, and so have more than its bytes.
+# Of vertices, and of faces: the capacity of 64 MB. A GLB may instance one mesh many times, beyond its size in bytes.
 MOST_CORNERS = 2_000_000
-# Of the tree of a GLB: trimesh walks from the root to each node anew.
+# Of the tree of a GLB: trimesh walks from the root to each node separately.
 MOST_NODES = 5_000
 DEEPEST_NODE = 64
 
@@ -38,21 +38,21 @@ _JSON_CHUNK = 0x4E4F534A
 
 
 class _NoFiles:
-    """In place of trimesh's resolver, which opens the materials, textures and buffers that a file names."""
+    """Replaces trimesh's resolver, which opens the materials, textures and buffers that a file references."""
 
     def get(self, name: str) -> NoReturn:
         raise RangeError(f"it names another file, {str(name)[:60]!r}; allowed: a mesh that is whole in its own file")
 
 
 def read_mesh(path: Path) -> tuple[Floats, Any]:
-    """The vertices (V, 3) and faces (F, 3) in the file at `path`, whose ending is its format, in the file's units.
+    """The vertices (V, 3) and faces (F, 3) in the file at `path`, whose suffix is its format, in the file's units.
 
     Materials and textures are not read, and no other file is opened.
 
     Raises:
-        RangeError: it is of another format, larger than `MOST_BYTES` or `MOST_CORNERS`, needs another file, or has a
-            face that cannot be cut into triangles (`pss.surrogates._polygons`).
-        Exception: of any kind that trimesh's readers fail with on a damaged file.
+        RangeError: it has another format, is larger than `MOST_BYTES` or `MOST_CORNERS`, needs another file, or has a
+            face that cannot be triangulated (`pss.surrogates._polygons`).
+        Exception: any exception of trimesh's readers on a damaged file.
     """
     suffix = path.suffix.lower().removeprefix(".")
     if suffix not in FORMATS:
@@ -67,11 +67,11 @@ def read_mesh(path: Path) -> tuple[Floats, Any]:
         faces = triangulated(polygons)
         _check_count("faces", len(faces))
         return polygons.vertices, faces
-    # Slow to import, and nothing else of the metric needs it.
+    # Slow to import, and used only here.
     import trimesh
 
-    # Unprocessed: whatever is wrong with a file is to be reported, not mended. Out of memory, so that no folder is
-    # known in which to look for other files.
+    # Unprocessed, so that errors in a file are reported, not repaired. From memory, so that no folder is known in which
+    # to search for other files.
     loaded = trimesh.load_mesh(
         io.BytesIO(content), file_type=suffix, resolver=_NoFiles(), skip_materials=True, process=False
     )
@@ -86,11 +86,11 @@ def _check_count(what: str, count: int) -> None:
 
 
 def _check_glb(content: bytes) -> None:
-    """What the header promises is in the file, and the meshes that it shows are not too many.
+    """Check that the data declared in the header are in the file, and that its meshes are not too many.
 
     Raises:
-        RangeError: it is not so.
-        Exception: KeyError and the like, where a part of the header is missing or of another kind.
+        RangeError: they are not.
+        Exception: KeyError and the like, if a part of the header is missing or of another kind.
     """
     magic, _, _, length, kind = struct.unpack_from("<4sIIII", content)
     if magic != b"glTF" or kind != _JSON_CHUNK:
@@ -100,14 +100,14 @@ def _check_glb(content: bytes) -> None:
         if "uri" in buffer:
             raise RangeError("its numbers are in another file (uri); allowed: a mesh that is whole in its own file")
     accessors = header.get("accessors", [])
-    promised = 0
+    declared = 0
     for accessor in accessors:
         count = _whole(accessor["count"])
         if count and "bufferView" not in accessor:
             raise RangeError("numbers that the file does not hold (sparse or compressed); allowed: plain accessors")
-        promised += count * _NUMBERS_OF[accessor["type"]] * _BYTES_OF[accessor["componentType"]]
-    if promised > MOST_BYTES:
-        raise RangeError(f"its header promises {promised} bytes; allowed: at most {MOST_BYTES}")
+        declared += count * _NUMBERS_OF[accessor["type"]] * _BYTES_OF[accessor["componentType"]]
+    if declared > MOST_BYTES:
+        raise RangeError(f"its header declares {declared} bytes; allowed: at most {MOST_BYTES}")
     nodes = header.get("nodes", [])
     _check_tree(nodes, [root for scene in header.get("scenes", ()) for root in scene.get("nodes", ())])
     faces = [_faces_of(mesh["primitives"], accessors) for mesh in header.get("meshes", ())]
@@ -115,13 +115,13 @@ def _check_glb(content: bytes) -> None:
 
 
 def _faces_of(primitives: Iterable[dict[str, Any]], accessors: list[dict[str, Any]]) -> int:
-    # At most: strips have as many triangles as corners.
+    # An upper bound: strips have as many triangles as corners.
     corners = (part.get("indices", part["attributes"].get("POSITION")) for part in primitives)
     return sum(int(accessors[_whole(corner)]["count"]) for corner in corners if corner is not None)
 
 
 def _check_tree(nodes: list[dict[str, Any]], roots: list[int]) -> None:
-    """That no node is in two places, of which there might be any number, or too deep."""
+    """Check that no node has two parents, which could multiply it without bound, or is too deep."""
     if len(nodes) > MOST_NODES:
         raise RangeError(f"{len(nodes)} nodes; allowed: at most {MOST_NODES}")
     seen: set[int] = set()

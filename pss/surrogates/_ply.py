@@ -1,4 +1,4 @@
-"""PLY as polygons, text or binary: trimesh fans faces of more than three corners, and reads no binary file that mixes.
+"""PLY as polygons, text or binary: trimesh fans larger faces, and reads no binary file of mixed face sizes.
 
 "The PLY Polygon File Format" (Turk 1994): a header of elements and their properties, then the elements in that order.
 """
@@ -55,7 +55,7 @@ class _Element:
 
 @dataclass(frozen=True, eq=False)
 class _Table:
-    """An element's data: its single values, (N,), and its lists with their lengths, (Σ,) and (N,), by their names."""
+    """An element's data by property name: single values, (N,), and lists with their lengths, (Σ,) and (N,)."""
 
     values: dict[str, NDArray[Any]]
     lists: dict[str, tuple[Integers, Integers]]
@@ -63,10 +63,10 @@ class _Table:
 
 
 def read_ply(content: bytes) -> Polygons:
-    """The vertices and faces of a PLY; other elements and properties are passed over, and no texture is opened.
+    """The vertices and faces of a PLY; other elements and properties are skipped, and no texture is opened.
 
     Raises:
-        RangeError: the header cannot be read, or the data are not what it promises.
+        RangeError: the header is invalid, or the data do not match it.
     """
     elements, order, start = _header(content)
     read = _text_tables if order == "" else _binary_tables
@@ -89,7 +89,7 @@ def read_ply(content: bytes) -> Polygons:
 
 
 def _header(content: bytes) -> tuple[list[_Element], str, int]:
-    """The elements, the byte order ("" for text), and where the data begin."""
+    """The elements, the byte order ("" for text), and the offset of the data."""
     head, found, _ = content[:LONGEST_HEADER].partition(b"end_header")
     start = content.find(b"\n", len(head)) + 1
     lines = [line.split() for line in head.decode("latin-1").splitlines()]
@@ -158,7 +158,7 @@ def _text_table(element: _Element, rows: list[tuple[int, list[bytes]]]) -> _Tabl
     except (ValueError, IndexError):
         what = f"the {len(element.properties)} properties of `{element.name}`, lists with their length first"
         raise RangeError(f"line {line}: allowed: {what}") from None
-    # A float in text has the precision that the header promises.
+    # A float in text has the precision declared in the header.
     kinds = {item.name: item.kind for item in element.properties}
     return _Table(
         {name: np.array(column, dtype=float).astype(kinds[name]) for name, column in values.items()},
@@ -168,7 +168,7 @@ def _text_table(element: _Element, rows: list[tuple[int, list[bytes]]]) -> _Tabl
 
 
 def _index(word: bytes) -> int:
-    """A whole number; of other lists, such as texture coordinates, the whole part."""
+    """An integer; in other lists, such as texture coordinates, the integer part."""
     try:
         return int(word)
     except ValueError:
@@ -192,7 +192,7 @@ def _binary_tables(content: bytes, start: int, elements: list[_Element], order: 
 
 
 def _binary_table(content: bytes, start: int, element: _Element, order: str) -> tuple[_Table, int]:
-    """The element whose data begin at byte `start`, and where they end."""
+    """The element whose data begin at byte `start`, and the offset of their end."""
     names = [item.name for item in element.properties if item.count_kind]
     if (found := _rows_of_one_size(content, start, element, order)) is None:
         return _rows_of_many_sizes(content, start, element, order)
@@ -206,7 +206,7 @@ def _binary_table(content: bytes, start: int, element: _Element, order: str) -> 
 
 
 def _rows_of_one_size(content: bytes, start: int, element: _Element, order: str) -> tuple[NDArray[Any], int] | None:
-    """All rows, if each list is as long in all of them as in the first, and where they end; None if not."""
+    """All rows, if all have lists of the same lengths as the first, and the offset of their end; else None."""
     fields: list[tuple[Any, ...]] = []
     lengths: dict[str, int] = {}
     size = 0
@@ -239,7 +239,7 @@ def _rows_of_one_size(content: bytes, start: int, element: _Element, order: str)
 
 
 def _rows_of_many_sizes(content: bytes, start: int, element: _Element, order: str) -> tuple[_Table, int]:
-    """Row after row, and where they end; single values of such elements are passed over."""
+    """All rows, read one by one, and the offset of their end; single values of such elements are skipped."""
     endian = order or "<"
     steps = [
         (item.name, struct.Struct(endian + _code(item.count_kind)) if item.count_kind else None, _code(item.kind))
@@ -266,7 +266,7 @@ def _rows_of_many_sizes(content: bytes, start: int, element: _Element, order: st
 
 
 def _code(kind: str) -> str:
-    """What `struct` calls a type."""
+    """The type's code in `struct`."""
     return np.dtype(kind).char
 
 

@@ -1,4 +1,4 @@
-"""OBJ and OFF as polygons with their lines: trimesh fans faces of more than three corners before anyone sees them."""
+"""OBJ and OFF as polygons with their line numbers: trimesh fans faces of more than three corners on reading."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from pss.surrogates._polygons import Polygons
 __all__ = ["FEWEST", "at_line", "read_obj", "read_off"]
 
 
-# Corners of a face.
+# Least number of corners of a face.
 FEWEST = 3
 
 
 def read_obj(content: bytes) -> Polygons:
     """The `v` and `f` lines of a Wavefront OBJ; indices from 1, or backwards from the last vertex so far.
 
-    Materials, textures, normals, groups, lines and points are passed over.
+    Materials, textures, normals, groups, lines and points are skipped.
 
     Raises:
-        RangeError: a line that cannot be read, by its number.
+        RangeError: a line is invalid; the message has its number.
     """
     vertices: list[list[float]] = []
     faces: list[list[int]] = []
@@ -41,23 +41,23 @@ def read_obj(content: bytes) -> Polygons:
             face = [int(word.split(b"/", 1)[0]) for word in words[1:]]
         except ValueError:
             raise RangeError(f"line {number}: {_shown(line)}; allowed: `v X Y Z`, `f 1 2 3`") from None
-        # 0 is no number of a vertex: it stays out of range.
+        # 0 is not a vertex number: it stays out of range.
         faces.append([index - 1 if index >= 0 else len(vertices) + index for index in face])
         lines.append(number)
     return Polygons(_vertices(vertices), *_flat_faces(faces, lines), place=at_line(lines))
 
 
 def read_off(content: bytes) -> Polygons:
-    """An OFF or COFF in text: how many vertices and faces there are, the vertices, the faces, a line each.
+    """A text OFF or COFF: the numbers of vertices and faces, the vertices and the faces, one line each.
 
     Raises:
-        RangeError: a line that cannot be read, or too few of them.
+        RangeError: a line is invalid, or there are too few.
     """
     lines = [(number, line.split(b"#", 1)[0].strip()) for number, line in enumerate(content.splitlines(), start=1)]
     lines = [(number, line) for number, line in lines if line]
     if not lines or not lines[0][1].upper().startswith((b"OFF", b"COFF")):
         raise RangeError("it does not begin with OFF; allowed: OFF or COFF, as text")
-    # The numbers may stand behind the word.
+    # The numbers may follow on the first line.
     number, line = lines[0]
     rest = line[line.upper().index(b"OFF") + 3 :].strip()
     lines = [(number, rest), *lines[1:]] if rest else lines[1:]
@@ -82,10 +82,10 @@ def read_off(content: bytes) -> Polygons:
 
 
 def _flat_faces(faces: Sequence[Sequence[int]], lines: Sequence[int]) -> tuple[Integers, Integers]:
-    """The corners of all faces one after another, and how many each has.
+    """The corners of all faces in sequence, and the number of corners of each.
 
     Raises:
-        RangeError: a face of fewer than three.
+        RangeError: a face has fewer than three.
     """
     counts = np.array([len(face) for face in faces], dtype=np.int64)
     few = np.flatnonzero(counts < FEWEST)
@@ -95,12 +95,12 @@ def _flat_faces(faces: Sequence[Sequence[int]], lines: Sequence[int]) -> tuple[I
 
 
 def at_line(lines: Sequence[int]) -> Callable[[int], str]:
-    """Where a face is, by its number."""
+    """Function from a face's number to its place in the file."""
     return lambda face: f"line {lines[face]}"
 
 
 def _joined(content: bytes) -> Iterator[tuple[int, bytes]]:
-    """Lines with the numbers at which they begin; a backslash at the end joins the next."""
+    """Lines with the numbers of their first physical lines; a backslash at the end continues a line."""
     begun, first = b"", 0
     for number, line in enumerate(content.splitlines(), start=1):
         first = first if begun else number

@@ -1,8 +1,8 @@
-"""Faces of any number of corners cut into triangles, each corner kept, so that neighbours still share their edges.
+"""Triangulation of faces with any number of corners. It keeps each corner, so that neighbours still share edges.
 
-Convex faces become a fan. Others lose one ear after another, the best shaped first ("Polygon triangulation by ear
-clipping", Meisters 1975: a simple polygon of more than three corners has two at least). Libraries that do the same fast
-drop corners that lie on a straight edge, which opens the surface there.
+Convex faces become a fan. Others are cut ear by ear, the best shaped ear first ("Polygon triangulation by ear
+clipping", Meisters 1975: a simple polygon of more than three corners has at least two). Fast libraries for this
+drop corners on straight edges, which opens the surface there.
 """
 
 from __future__ import annotations
@@ -18,32 +18,32 @@ from pss.hints import Bools, Floats, Integers
 __all__ = ["FLATNESS", "MOST_CONCAVE_CORNERS", "Polygons", "triangulated"]
 
 
-# A corner may lie this far out of the plane of its face, over the face's extent: a fold of about 20 degrees.
+# Largest distance of a corner from the plane of its face, over the face's extent: a fold of about 20 degrees.
 FLATNESS = 0.1
-# Of a face that is not convex: its edges are compared in pairs.
+# Largest number of corners of a face that is not convex: its edges are compared in pairs.
 MOST_CONCAVE_CORNERS = 1_000
-# Of all of them in a file: cutting takes 0.1 ms a corner of small ones, 0.4 of the largest.
+# Of all such faces in a file: cutting takes 0.1 ms a corner for small ones, 0.4 ms for the largest.
 MOST_CONCAVE_CORNERS_IN_ALL = 100_000
-# Sine of a turn that counts as none. A single-precision file bends a straight edge by 1e-6 or so.
+# Sine of the largest turn that counts as straight. Single precision bends a straight edge by about 1e-6.
 STRAIGHT = 1e-5
 # Distance over extent at which an outline touches itself, far above the rounding of a projection.
 TOUCH = 1e-9
-# Area over extent², below which a face has no plane.
+# Area over extent², below which a face has no defined plane.
 NO_AREA = 1e-12
-# Rows of pairs of edges that are compared at once.
+# Rows of edge pairs compared at once.
 ROWS = 256
 SIMPLE = f"simple polygons whose corners are within {FLATNESS:.0%} of their extent from one plane"
 
 
 @dataclass(frozen=True, eq=False)
 class Polygons:
-    """Faces out of a file.
+    """Faces read from a file.
 
     Attributes:
         vertices: (V, 3), in the file's units.
         corners: indices of vertices, face after face, (Σ counts,).
         counts: corners of each face, (F,), 3 or more.
-        place: where in the file a face is, by its number, for messages: `line 12`.
+        place: function from a face's number to its place in the file, for messages: `line 12`.
     """
 
     vertices: Floats
@@ -53,11 +53,11 @@ class Polygons:
 
 
 def triangulated(polygons: Polygons) -> Integers:
-    """Triangles (T, 3) of vertices, in the order of the faces, wound as they are.
+    """Triangles (T, 3) of vertices, in the order of the faces and with their winding.
 
     Raises:
         RangeError: a vertex does not exist or is not finite; a face touches or crosses itself, has no area, is too far
-            out of a plane, or has too many corners; by its place in the file.
+            out of a plane, or has too many corners. The message has its place in the file.
     """
     corners, counts, vertices = polygons.corners, polygons.counts, polygons.vertices
     first = np.concatenate([[0], np.cumsum(counts)])
@@ -99,8 +99,8 @@ def triangulated(polygons: Polygons) -> Integers:
 
 
 def _convex(points: Floats) -> Bools:
-    """Which faces (G, n, 3) are flat enough and turn one way, once round, by more than nothing at each corner; (G,)."""
-    with np.errstate(all="ignore"):  # what is degenerate fails the comparisons
+    """Which faces (G, n, 3) are flat enough and strictly convex, winding once; (G,)."""
+    with np.errstate(all="ignore"):  # degenerate faces fail the comparisons
         flat, height, area, extent = _in_their_planes(points)
         edge = np.roll(flat, -1, axis=1) - flat
         before = np.roll(edge, 1, axis=1)
@@ -118,7 +118,7 @@ def _convex(points: Floats) -> Bools:
 def _in_their_planes(points: Floats) -> tuple[Floats, Floats, Floats, Floats]:
     """Faces (G, n, 3) in the plane of their vector area: (G, n, 2) counterclockwise, and three numbers of each, (G,).
 
-    Those are the largest height above the plane, the area and the largest distance from the middle.
+    The numbers are the largest height above the plane, the area and the largest distance from the middle.
     """
     local = points - points.mean(axis=1, keepdims=True)
     extent = np.linalg.norm(local, axis=-1).max(axis=-1)
@@ -144,9 +144,9 @@ def _cut(points: Floats) -> Integers:
     """Corners (T, 3) of the triangles of one face (n, 3).
 
     Raises:
-        RangeError: it has no triangles; without the face's place.
+        RangeError: it cannot be triangulated; the message has no place.
     """
-    # Quads with two equal corners are how some programs write triangles.
+    # Some programs write triangles as quads with two equal corners.
     kept = np.flatnonzero((points != np.roll(points, 1, axis=0)).any(axis=1))
     if len(kept) < 3:
         raise RangeError(f"has {len(kept)} different ones; allowed: 3 or more")
@@ -169,7 +169,7 @@ def _cut(points: Floats) -> Integers:
 
 
 def _touches_itself(outline: Floats) -> bool:
-    """Whether edges of the outline (n, 2), of extent 1, meet anywhere but in the corner that neighbours share."""
+    """Whether edges of the outline (n, 2), of extent 1, meet anywhere except in the corner that neighbours share."""
     count = len(outline)
     ends = np.roll(outline, -1, axis=0)
     edge = ends - outline
@@ -183,7 +183,7 @@ def _touches_itself(outline: Floats) -> bool:
         rows = np.arange(start, min(start + ROWS, count))
 
         def aside(points: Floats, rows: Integers = rows) -> Floats:
-            """On which side of each edge of `rows` the points are, (R, n): −1, 0 or 1."""
+            """The side of each edge of `rows` on which the points are, (R, n): −1, 0 or 1."""
             distance = _cross(edge[rows, None], points[None] - outline[rows, None]) / length[rows, None]
             return np.where(np.abs(distance) <= TOUCH, 0.0, np.sign(distance))
 
@@ -200,7 +200,7 @@ def _touches_itself(outline: Floats) -> bool:
 
 
 def _without_ears(outline: Floats) -> Integers:
-    """Corners (n − 2, 3) of triangles that make up the simple counterclockwise outline (n, 2), of extent 1."""
+    """Corners (n − 2, 3) of a triangulation of the simple counterclockwise outline (n, 2), of extent 1."""
     left = np.arange(len(outline))
     triangles = []
     while len(left) > 3:
@@ -211,10 +211,10 @@ def _without_ears(outline: Floats) -> Integers:
 
 
 def _best_ear(outline: Floats) -> int:
-    """The corner of (m, 2) that can be cut off and whose triangle is the least like a sliver.
+    """The corner of (m, 2) that can be cut off with the triangle least like a sliver.
 
     Raises:
-        RangeError: there is none, which only rounding can bring about.
+        RangeError: there is none, which only rounding can cause.
     """
     before, after = np.roll(outline, 1, axis=0), np.roll(outline, -1, axis=0)
     sides = [outline - before, after - outline, before - after]
@@ -222,7 +222,7 @@ def _best_ear(outline: Floats) -> int:
     shape = area / np.max([(side**2).sum(axis=1) for side in sides], axis=0)
     ears = np.argsort(-shape, kind="stable")
     ears = ears[area[ears] > 0]
-    # Corners on a triangle's side stop it, unless rounding then leaves no ear.
+    # Corners on a triangle's side rule it out, unless rounding then leaves no ear.
     for limit in (-TOUCH, 0.0):
         for ear in ears:
             others = np.delete(outline, [ear - 1, ear, (ear + 1) % len(outline)], axis=0)

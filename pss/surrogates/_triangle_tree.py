@@ -1,4 +1,4 @@
-"""Which segments cross which triangles: boxes within boxes, then an exact-edged test of the triangles that are left."""
+"""Which segments cross which triangles: a hierarchy of boxes, then a watertight test of the remaining triangles."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from pss.hints import Bools, Floats, Integers
 __all__ = ["TriangleTree"]
 
 
-# Small leaves cost more boxes, large ones more triangles. Bodies of 300 to 20,000 triangles are quickest with 8.
+# Small leaves need more boxes, large ones more triangles. For bodies of 300 to 20,000 triangles, 8 is the fastest.
 LEAF_TRIANGLES = 8
-# A level has this many times the boxes of the one above, as a power of two.
+# Factor between the numbers of boxes of successive levels, as a power of two.
 BRANCHING_BITS = 2
-# Boxes are widened by this part of the mesh's size, far more than the slab test's rounding, or flat ones would leak.
+# Boxes are enlarged by this share of the mesh's size, far above the slab test's rounding, or flat ones would leak.
 BOX_MARGIN = 1e-9
-# Bounds memory: pairs of segment and box that can be open at once (some 100 bytes each) …
+# Bounds on memory: pairs of segment and box open at once (about 100 bytes each) …
 MOST_BOX_PAIRS = 2**20
-# … and pairs of segment and triangle (some 200 bytes each), few enough to stay in a processor's cache.
+# … and pairs of segment and triangle (about 200 bytes each), few enough for a processor's cache.
 MOST_TRIANGLE_PAIRS = 2**15
-# Stands in for a component of 0 when dividing by it; its inverse is still finite.
+# Replaces a component of 0 as a divisor; its inverse is still finite.
 SMALLEST_STEP = 1e-300
 
 
 class TriangleTree:
-    """A balanced tree over the triangles `corners_m`, m, (F, 3, 3), to be asked which segments cross any of them."""
+    """A balanced tree over the triangles `corners_m`, m, (F, 3, 3), for tests of which segments cross any of them."""
 
     def __init__(self, corners_m: Floats) -> None:
         bits = max(0, int(np.ceil(np.log2(len(corners_m) / LEAF_TRIANGLES))))
@@ -45,7 +45,7 @@ class TriangleTree:
         first, second, third = np.moveaxis(corners_m[order], 1, 0)
         normal = np.cross(second - first, third - first)
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), SMALLEST_STEP)
-        # Leaves differ by one triangle: a row of zeros, which nothing crosses, fills the smaller ones.
+        # Leaves differ by one triangle: a row of zeros, which no segment crosses, pads the smaller ones.
         sizes = np.diff(bounds)
         slot = bounds[:-1, None] + np.arange(sizes.max())
         slot = np.where(np.arange(sizes.max()) < sizes[:, None], slot, len(order))
@@ -63,7 +63,7 @@ class TriangleTree:
         for begin in range(0, len(starts_m), at_once):
             part = slice(begin, begin + at_once)
             segment, leaf = self._leaves_met(starts_m[part], ends_m[part] - starts_m[part])
-            # Most segments pass by: what follows is for the others.
+            # Most segments miss: the following is for the others.
             near = np.unique(segment)
             segment = np.searchsorted(near, segment)
             starts, ends, hit = starts_m[part][near], ends_m[part][near], np.zeros(len(near), dtype=bool)
@@ -106,9 +106,9 @@ class TriangleTree:
         pair, slot = np.nonzero(((before < 0) & (after > 0)) | ((before > 0) & (after < 0)))
         segment = segment[pair]
         corners = self._corners[:, leaf[pair], slot].reshape(3, 3, -1)
-        # Seen along the segment, which is then the point (0, 0). A corner that several triangles share is always
-        # projected by the same operations, and so each edge has exactly the opposite sign in the triangle beyond it:
-        # no segment slips through between two. (Möller and Trumbore's test has no such guarantee.)
+        # Viewed along the segment, which is then the point (0, 0). A corner shared by several triangles is always
+        # projected by the same operations, so that each edge has exactly the opposite sign in the adjacent triangle: no
+        # segment passes between two. (The test of Möller and Trumbore lacks this guarantee.)
         u, v = (
             [x * axis[0] + y * axis[1] + z * axis[2] - axis[3] for x, y, z in corners] for axis in axes[:, :, segment]
         )
@@ -119,7 +119,7 @@ class TriangleTree:
 
 
 def _sorted_in_space(centres: Floats, bounds: Integers) -> Integers:
-    """An order of `centres`, (F, 3), in which each range between two of `bounds` lies close together."""
+    """An order of `centres`, (F, 3), in which each range between two of `bounds` is compact in space."""
     order = np.arange(len(centres))
     ranges = [(0, len(bounds) - 1)]
     while ranges:
@@ -135,7 +135,7 @@ def _sorted_in_space(centres: Floats, bounds: Integers) -> Integers:
 
 
 def _levels(low: Floats, high: Floats) -> Iterator[tuple[Floats, Floats]]:
-    """The boxes of each level, (boxes, 3) twice, from the leaves up to the one that holds all."""
+    """The boxes of each level, (boxes, 3) twice, from the leaves to the root."""
     yield low, high
     while len(low) > 1:
         boxes = max(1, len(low) >> BRANCHING_BITS)
@@ -144,15 +144,15 @@ def _levels(low: Floats, high: Floats) -> Iterator[tuple[Floats, Floats]]:
 
 
 def _across(starts: Floats, way: Floats) -> Floats:
-    """Two unit vectors at right angles to each way, (S, 3), and how far along them the starts, (S, 3), lie: (2, 4, S).
+    """Two unit vectors orthogonal to each way, (S, 3), and coordinates of the starts, (S, 3), along them: (2, 4, S).
 
-    A way of zero, which crosses nothing, has any two.
+    For a way of zero, which crosses nothing, they are arbitrary.
     """
     least = np.eye(3)[np.abs(way).argmin(axis=1)]
     first = np.cross(way, least)
     second = np.cross(way, first)
     axes = np.stack([first, second])
-    # Large and small ways alike: their products may not leave the range of doubles.
+    # Scaled, so that products of very large or small ways stay in the range of doubles.
     axes /= np.maximum(np.abs(axes).max(axis=-1, keepdims=True), SMALLEST_STEP)
     axes /= np.maximum(np.linalg.norm(axes, axis=-1, keepdims=True), SMALLEST_STEP)
     return np.concatenate([np.moveaxis(axes, -1, 1), (axes * starts).sum(axis=-1)[:, None]], axis=1)

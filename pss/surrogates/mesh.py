@@ -1,6 +1,6 @@
-"""Triangulated surfaces as obstacles: bodies, furniture, whatever comes as a file.
+"""Triangulated surfaces as occluders: bodies, furniture, and meshes from files.
 
-A mesh is a surface, not a solid: a segment that lies wholly inside a closed one meets nothing.
+A mesh is a surface, not a solid: a segment entirely inside a closed mesh crosses nothing.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ from pss.surrogates._triangle_tree import TriangleTree
 __all__ = ["Mesh"]
 
 
-# A longer reason would push the rest out of sight.
+# A longer reason would hide the rest of the message.
 LONGEST_REASON = 200
 
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """A surface of triangles; closed or open, of one piece or several.
+    """A triangulated surface; closed or open, of one piece or several.
 
     Attributes:
         vertices_m: m, (V, 3), read-only.
-        faces: (F, 3), indices of vertices, counterclockwise for who looks at the outside; read-only.
+        faces: (F, 3), indices of vertices, counterclockwise seen from outside; read-only.
 
-    Meshes are equal if their names and numbers are.
+    Meshes are equal if their names and numbers are equal.
 
     Raises:
         ShapeError, RangeError: arrays of wrong shape, not finite, or faces with vertices that do not exist.
@@ -72,19 +72,19 @@ class Mesh:
     def from_file(cls, path: str | os.PathLike[str], *, name: str | None = None, scale: float = 1.0) -> Mesh:
         """The mesh in a file that ends in .stl, .ply, .obj, .off or .glb, of at most 64 MB and 2,000,000 faces.
 
-        Axes are taken as they are in the file: no format's idea of "up" is applied. Nothing else is opened, whatever
-        materials and textures the file names; a GLB whose numbers are in another file is refused. Faces of more than
-        three corners are cut into triangles, concave ones too.
+        Axes are used as they are in the file, without any format's convention of "up". No other file is opened, even if
+        the file references materials or textures; a GLB with data in another file is refused. Faces of more than three
+        corners are triangulated, concave ones too.
 
         Args:
-            name: what to call it; the file's name without its suffix if None.
+            name: the mesh's name; the file's name without its suffix if None.
             scale: m, one unit of the file (0.001 for millimetres).
 
         Raises:
-            RangeError, ShapeError: no such file, none that can be read, one that is too large, or one with numbers that
-                are not allowed; a face that is no simple polygon near a plane, by its line.
-            GeometryError: no triangles in it.
-            MissingLibraryError: the format needs a library that is not there.
+            RangeError, ShapeError: the file is missing, unreadable, too large, or has numbers out of range; a face is
+                not a simple polygon near a plane (the message has its line).
+            GeometryError: the file has no triangles.
+            MissingLibraryError: the format needs a library that is not installed.
         """
         check_positive("Mesh.from_file", scale=scale)
         file = Path(path)
@@ -99,7 +99,7 @@ class Mesh:
         except ImportError as error:
             raise MissingLibraryError(f"mesh {os.fspath(path)!r}: {error}") from error
         except Exception as error:
-            # Each of its readers fails in its own way on a damaged file: ValueError, IndexError, struct.error, …
+            # Each of its readers fails differently on a damaged file: ValueError, IndexError, struct.error, …
             reason = f"{type(error).__name__}: {error}"
             raise RangeError(f"mesh {os.fspath(path)!r} cannot be read ({_line(reason)})") from error
         if len(faces) == 0:
@@ -110,9 +110,9 @@ class Mesh:
 
     @cached_property
     def digest(self) -> str:
-        """Stands for vertices and faces: the same for the same numbers, on any machine."""
+        """Hash of vertices and faces: equal for equal numbers, on any machine."""
         content = hashlib.sha256(f"{self.vertices_m.shape} {self.faces.shape}".encode())
-        # 0 and −0 are the same place.
+        # 0 and −0 are the same coordinate.
         content.update((self.vertices_m + 0.0).astype("<f8").tobytes())
         content.update(self.faces.astype("<i8").tobytes())
         return content.hexdigest()
@@ -132,7 +132,7 @@ class Mesh:
 
     @cached_property
     def _area_vectors(self) -> Floats:
-        """m², (F, 3): along the outward normal, as long as the face is large."""
+        """m², (F, 3): along the outward normal, with the face's area as length."""
         first, second, third = np.moveaxis(self.corners_m, 1, 0)
         return np.asarray(np.cross(second - first, third - first) / 2)
 
@@ -162,12 +162,12 @@ class Mesh:
         return blocked.reshape(starts.shape[:-1])
 
     def moved(self, translation_m: tuple[float, float, float] = (0.0, 0.0, 0.0), turn_deg: float = 0.0) -> Mesh:
-        """A copy turned about world z, as cameras pan (90° take +y to +x), and then moved by `translation_m` (3,)."""
+        """A copy rotated about world z, as cameras pan (90° take +y to +x), then moved by `translation_m` (3,)."""
         offset = place(translation_m, "Mesh.moved.translation_m")
         return Mesh(self.name, turn_about_z(self.vertices_m, turn_deg) + np.array(offset), self.faces)
 
 
 def _line(text: str) -> str:
-    """A message of a library, which may have any length and hold what is in the file, as a part of a line."""
+    """A library's message, which may be long and have parts of the file, as a part of one line."""
     text = " ".join(text.split())
     return text if len(text) <= LONGEST_REASON else text[: LONGEST_REASON - 1] + "…"

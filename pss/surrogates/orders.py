@@ -1,4 +1,4 @@
-"""Orders of points whose every beginning is spread over all of them."""
+"""Point orderings whose every prefix covers the whole set evenly."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ __all__ = ["as_cloud", "balanced_order", "farthest_point_order"]
 def farthest_point_order(points_m: ArrayLike, count: int | None = None) -> Integers:
     """Indices of `count` of the points, m, (N, 3), each the farthest from those before it: (count,), all N if None.
 
-    Every beginning covers the points' whole extent evenly in *space*. Where the points themselves are denser in some
-    places than in others, their mean is not that of a beginning: for PSS take `balanced_order`. The first is the one
-    nearest to the centroid, of equals the one with the lowest index. Takes O(N · count).
+    Every prefix covers the points' extent evenly in *space*. If the points are denser in some places, the mean over a
+    prefix differs from the mean over all: for PSS use `balanced_order`. The first is the point nearest to the centroid,
+    with the lowest index among equals. Takes O(N · count).
     """
     points = as_cloud(points_m)
     count = len(points) if count is None else count
@@ -31,19 +31,19 @@ def farthest_point_order(points_m: ArrayLike, count: int | None = None) -> Integ
     for number in range(1, count):
         last = chosen[number - 1]
         distance2 = np.minimum(distance2, ((points - points[last]) ** 2).sum(axis=1))
-        # Below any distance, so that of points in one place each is taken once.
+        # Below any distance, so that of coincident points each is taken once.
         distance2[last] = -1.0
         chosen[number] = distance2.argmax()
     return chosen
 
 
 def balanced_order(points_m: ArrayLike) -> Integers:
-    """All indices of the points, m, (N, 3), in an order whose every beginning has as dense points where all have: (N,).
+    """All indices of the points, m, (N, 3), ordered so that every prefix has the density of the whole set: (N,).
 
-    The points are halved again and again, at the median of their longest side, and of each part one half and the
-    other take turns: any part's share of a beginning is right to within about one point for each halving above it (a
-    few, once less than half of the points are left). Which half comes first is as if by chance, so that no beginning
-    leans to one side, yet always the same. Takes O(N log² N).
+    The points are halved recursively, at the median of the longest side, and the halves of each part alternate: any
+    part's share of a prefix is accurate to about one point for each halving above it (a few, once fewer than half of
+    the points remain). Which half comes first is pseudo-random, so that no prefix is biased to one side, yet
+    reproducible. Takes O(N log² N).
     """
     points = as_cloud(points_m)
     part, key = np.zeros(len(points), dtype=np.int64), np.zeros(len(points), dtype=np.int64)
@@ -65,7 +65,7 @@ def balanced_order(points_m: ArrayLike) -> Integers:
 
 
 def _coin(numbers: Integers) -> Integers:
-    """0 or 1 for each whole number, without a pattern: the highest bit of its hash (as in SplitMix64)."""
+    """0 or 1 for each integer, without a pattern: the highest bit of its hash (as in SplitMix64)."""
     mixed = numbers.astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)
     mixed = (mixed ^ (mixed >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     mixed = (mixed ^ (mixed >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
@@ -73,7 +73,12 @@ def _coin(numbers: Integers) -> Integers:
 
 
 def as_cloud(points_m: ArrayLike) -> Floats:
-    """`points_m` as (N, 3), N > 0, or raise `ShapeError` / `RangeError`."""
+    """`points_m` as (N, 3).
+
+    Raises:
+        ShapeError: another shape, or no points.
+        RangeError: not finite numbers.
+    """
     points = as_points(points_m)
     if points.ndim != 2 or len(points) == 0:
         raise ShapeError(f"points_m has shape {points.shape}; allowed is (N, 3) with at least one point")

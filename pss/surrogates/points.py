@@ -1,6 +1,6 @@
 """Points of interest with normals (section 3.4): the paper's models that are given as points.
 
-The models that are spread over a shape are in `pss.surrogates.spread`.
+Those spread over a shape are in `pss.surrogates.spread`.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from pss.surrogates.shapes import Box
 __all__ = ["Surrogate", "box_corners", "convex_hull", "dense_cloud", "single_point"]
 
 
-# A unit normal read from a file with seven digits is off by less; what passes is made exact.
+# A unit normal read from a file with seven digits is off by less; accepted normals are normalised.
 NORMAL_LENGTH_TOLERANCE = 1e-6
-# Neighbours as thin as this part of their length, in variance, lie on a line, which has no normal.
+# Neighbours with a smaller share of variance across than this are on a line, which has no normal.
 LINE_VARIANCE_RATIO = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
 class Surrogate:
-    """Points that stand for what the cameras are to resolve. Arrays are read-only.
+    """Points of interest that represent the objects to resolve. Arrays are read-only.
 
     Attributes:
         points_m: m, (N, 3), N ≥ 1.
         normals: unit outward normals of the surface at the points, (N, 3).
-        objects: the name of the object that bears each point, (N,); one name is that of all.
+        objects: the name of the object that bears each point, (N,); a single name applies to all.
 
     Raises:
         ShapeError, RangeError: wrong shapes, no points, values that are not finite, normals that are not of length 1.
@@ -83,7 +83,7 @@ class Surrogate:
         return Surrogate(self.points_m[chosen], self.normals[chosen], self.objects[chosen])
 
     def moved(self, translation_m: tuple[float, float, float] = (0.0, 0.0, 0.0), turn_deg: float = 0.0) -> Surrogate:
-        """A copy turned about world z, as cameras pan (90° take +y to +x), and then moved by `translation_m` (3,)."""
+        """A copy rotated about world z, as cameras pan (90° take +y to +x), then moved by `translation_m` (3,)."""
         offset = place(translation_m, "Surrogate.moved.translation_m")
         points = turn_about_z(self.points_m, turn_deg) + np.array(offset)
         return Surrogate(points, turn_about_z(self.normals, turn_deg), self.objects)
@@ -98,7 +98,7 @@ def single_point(point_m: ArrayLike, normal: ArrayLike, name: str = "point") -> 
 
 
 def box_corners(box: Box) -> Surrogate:
-    """The eight corners of `box`; each normal is at equal angles to the three faces that meet there."""
+    """The eight corners of `box`; each normal has equal angles to the three faces that meet there."""
     signs = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
     corners = np.where(signs > 0, np.array(box.highest_m), np.array(box.lowest_m))
     return Surrogate(corners, _unit(signs), np.array(box.name))
@@ -107,19 +107,20 @@ def box_corners(box: Box) -> Surrogate:
 def dense_cloud(
     points_m: ArrayLike, normals: ArrayLike | None = None, *, name: str = "cloud", neighbours: int = 12
 ) -> Surrogate:
-    """Points of one's own, such as a scan's.
+    """User-defined points, such as a scan's.
 
-    Normals that are not given are a guess: the direction of least variance among each point and its nearest
-    neighbours, turned away from the centroid of all. That is right for a convex body, sampled finely enough; it goes
-    wrong in folds that face the centroid and on sheets thinner than the points are apart.
+    Normals that are not given are estimated: the direction of least variance among each point and its nearest
+    neighbours, oriented away from the centroid of all. This is correct for a convex body sampled finely enough. It
+    fails in folds that face the centroid, and on sheets thinner than the spacing of the points.
 
     Args:
         points_m: m, (N, 3).
-        normals: outward, (N, 3), of any length but zero; guessed if None.
-        neighbours: how many nearest points, itself among them, a normal is guessed from; 3 or more.
+        normals: outward, (N, 3), of any length but zero; estimated if None.
+        neighbours: number of nearest points, including itself, from which a normal is estimated; 3 or more.
 
     Raises:
-        GeometryError: fewer than three points, or neighbours along a line, to guess a normal from.
+        ShapeError, RangeError: wrong shapes, values that are not finite, or too few neighbours.
+        GeometryError: fewer than three points, or neighbours along a line, to estimate a normal from.
     """
     points = as_points(points_m)
     if points.ndim != 2:
@@ -172,7 +173,7 @@ def convex_hull(points_m: ArrayLike, name: str = "hull") -> Surrogate:
 
 
 def _unit(directions: Floats) -> Floats:
-    """`directions`, (N, 3), made of length 1."""
+    """`directions`, (N, 3), normalised."""
     lengths = np.linalg.norm(directions, axis=-1, keepdims=True)
     if not lengths.all():
         raise RangeError("a normal has length 0; allowed: any other")

@@ -1,6 +1,6 @@
-"""Round solids that stand in for people and furniture: an upright cylinder, and a capsule in any direction.
+"""Round solids that approximate people and furniture: an upright cylinder, and a capsule in any direction.
 
-Both are convex, so a segment lies in one for a single stretch of its length, and blocking is a comparison of two ends.
+Both are convex: a line intersects them in one interval, and blocking compares its two ends.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ __all__ = ["Capsule", "Cylinder"]
 
 @dataclass(frozen=True)
 class Cylinder:
-    """An upright closed cylinder.
+    """An upright cylinder, with top and bottom.
 
     Attributes:
         centre_m: m, the middle of its axis, (3,).
@@ -44,7 +44,7 @@ class Cylinder:
 
 @dataclass(frozen=True)
 class Capsule:
-    """All that is nearer than `radius_m` to the straight line from `start_m` to `end_m`, in metres."""
+    """All points nearer than `radius_m` to the segment from `start_m` to `end_m`, in metres."""
 
     name: str
     start_m: tuple[float, float, float]
@@ -66,7 +66,7 @@ class Capsule:
     def frame(self) -> Floats:
         """Orthonormal right-handed rows, (3, 3), of which the last points from `start_m` to `end_m`."""
         along = (np.array(self.end_m) - np.array(self.start_m)) / self.length_m
-        # The world axis that is least along the capsule cannot be parallel to it.
+        # The world axis with the smallest component along the capsule cannot be parallel to it.
         aside = np.cross(np.eye(3)[np.abs(along).argmin()], along)
         aside /= np.linalg.norm(aside)
         return np.array([aside, np.cross(along, aside), along])
@@ -86,14 +86,14 @@ def _passes_cylinder(start: Floats, way: Floats, radius: float, half_length: flo
     x, y, z = np.moveaxis(start, -1, 0)
     to_x, to_y, to_z = np.moveaxis(way, -1, 0)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        # |(x, y) + t (to_x, to_y)|² < radius² lies between the roots of across·t² + 2·towards·t + outside.
+        # |(x, y) + t (to_x, to_y)|² < radius² holds between the roots of across·t² + 2·towards·t + outside.
         across, towards, outside = to_x**2 + to_y**2, x * to_x + y * to_y, x**2 + y**2 - radius**2
-        # The discriminant by way of the distance from the axis keeps its digits for a start that is far away.
+        # Computing the discriminant from the distance to the axis is accurate for a distant start too.
         discriminant = across * radius**2 - (x * to_y - y * to_x) ** 2
-        # Adding what has the same sign, and the other root from the product of both: no cancellation in either.
+        # Add terms of the same sign, and take the other root from the product of both: no cancellation in either.
         q = -(towards + np.copysign(np.sqrt(np.maximum(discriminant, 0.0)), towards))
         roots = np.array([q / across, outside / q])
-        # Parallel to the axis, a segment is in for good or not at all.
+        # Parallel to the axis, a segment is entirely in or out.
         parallel, crosses = across == 0, discriminant > 0
         enter = np.where(parallel, np.where(outside < 0, -np.inf, np.inf), np.where(crosses, roots.min(axis=0), np.inf))
         leave = np.where(parallel, np.inf, np.where(crosses, roots.max(axis=0), -np.inf))

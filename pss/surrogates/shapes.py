@@ -1,7 +1,7 @@
-"""Flat shapes, boxes and balls: where their points of interest lie, and which lines of sight they stand in.
+"""Rectangles, boxes and spheres: occlusion of lines of sight, and points of interest on their surfaces.
 
-Prediction and rendering read the same objects. A shape answers three questions: is it closed (so that only its outside
-is seen), does it block a segment, and which points with normals are spread evenly over it.
+Prediction and rendering use the same objects. A shape defines whether it is closed (so that only its outside is
+visible), whether it blocks a segment, and points with normals spread evenly over it.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
 
 
 class Shape(Protocol):
-    """What the metric asks of an object in the scene."""
+    """Interface of an object in the scene, as the metric uses it."""
 
     name: str
 
@@ -36,12 +36,12 @@ class Shape(Protocol):
 
 @dataclass(frozen=True)
 class Rectangle:
-    """A thin board, one face of which looks along its normal.
+    """A thin board with its front along its normal.
 
     Attributes:
         centre_m: m, (3,).
         width_m, height_m: m, its extent along `right` and `up`.
-        facing_deg: degrees about world z of the normal of its front: 0 looks along +y, positive towards +x.
+        facing_deg: degrees about world z of the front's normal: 0 points along +y, positive towards +x.
         elevation_deg: degrees above the horizon of that normal.
     """
 
@@ -70,7 +70,7 @@ class Rectangle:
 
     @cached_property
     def right(self) -> Floats:
-        """Unit vector along the width, horizontal, to the right for someone who looks at the front, (3,)."""
+        """Unit vector along the width, horizontal, to the right as seen from the front, (3,)."""
         facing = math.radians(self.facing_deg)
         return np.array([-math.cos(facing), math.sin(facing), 0.0])
 
@@ -86,7 +86,7 @@ class Rectangle:
         height_of_start = (starts_m - centre) @ normal
         height_of_end = (ends_m - centre) @ normal
         crosses = np.asarray(height_of_start * height_of_end < 0)
-        # Most segments stay on one side; the others are followed to the board.
+        # Most segments stay on one side; only the others are intersected with the board.
         starts = np.broadcast_to(starts_m, (*crosses.shape, 3))[crosses]
         ends = np.broadcast_to(ends_m, (*crosses.shape, 3))[crosses]
         above = np.broadcast_to(height_of_start, crosses.shape)[crosses]
@@ -166,7 +166,7 @@ class Box:
                 start = starts_m[..., axis]
                 way = ends_m[..., axis] - start
                 near, far = (low - start) / way, (high - start) / way
-                # A segment parallel to a slab has 0/0 only on its face: nan goes through, and counts as outside.
+                # A segment parallel to a slab has 0/0 only on its face: nan propagates, and counts as outside.
                 enter, leave = np.maximum(enter, np.minimum(near, far)), np.minimum(leave, np.maximum(near, far))
             return np.asarray((enter < leave) & (leave > 0) & (enter < 1))
 

@@ -1,7 +1,7 @@
 """Points of interest spread evenly, by area, over a shape (section 3.4).
 
-All but the mesh's are one pattern, deterministic for every count: equal steps of area in one direction, golden-ratio
-steps in the other. Its gaps stay of one size however much a surface is stretched, as no fraction comes near the ratio.
+All but the mesh's follow one pattern, deterministic for every count: equal steps of area in one direction, golden-ratio
+steps in the other. Its gaps stay uniform however much a surface is stretched, as no fraction approximates the ratio.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ __all__ = [
 SamplingMethod = Literal["area-uniform", "poisson-disc"]
 
 GOLDEN_RATIO = (1 + math.sqrt(5)) / 2
-# Poisson-disc points are what is left of this many times as many; with more, gaps even out hardly any further.
+# Poisson-disc points are selected from this many times as many; more improve the gaps hardly any further.
 CANDIDATES = 5
-# How strongly the closest pairs weigh in the choice of what to drop (Yuksel 2015, "Sample Elimination", Eq. 3).
+# Weight exponent of the closest pairs when dropping points (Yuksel 2015, "Sample Elimination", Eq. 3).
 CROWDING_EXPONENT = 8
 
 
@@ -59,7 +59,7 @@ def on_sphere(sphere: Sphere, count: int) -> Surrogate:
 
 
 def on_box(box: Box, count: int) -> Surrogate:
-    """`count` points, even by area, on the six faces of `box`; a face gets its share to within one point."""
+    """`count` points, even by area, on the six faces of `box`; a face has its share to within one point."""
     check_count(count=count)
     low, high = np.array(box.lowest_m), np.array(box.highest_m)
     size, centre = high - low, (low + high) / 2
@@ -81,14 +81,14 @@ def on_cylinder(cylinder: Cylinder, count: int, caps: bool = True) -> Surrogate:
     """`count` points, even by area, in one spiral down `cylinder`: out over the top, down the side, in at the bottom.
 
     Args:
-        caps: whether top and bottom are part of it; without them, the side alone.
+        caps: whether to include top and bottom, or the side only.
     """
     check_count(count=count)
     radius, height = cylinder.radius_m, cylinder.height_m
     cap, side = (math.pi * radius**2 if caps else 0.0), 2 * math.pi * radius * height
     area = (2 * cap + side) * (np.arange(count) + 0.5) / count
     top, bottom = area < cap, area > cap + side
-    # A disc's area grows with the square of its radius, a side's with the height.
+    # Area grows with the square of the radius on a disc, and with the height on the side.
     from_rim = np.where(top, area, np.where(bottom, 2 * cap + side - area, cap))
     ring = radius * np.sqrt(from_rim / cap) if caps else np.full(count, radius)
     z = height / 2 - np.clip(area - cap, 0.0, side) / (2 * math.pi * radius)
@@ -123,18 +123,18 @@ def on_mesh(mesh: Mesh, count: int, method: SamplingMethod = "area-uniform", *, 
     """`count` points on the faces of `mesh`, with the faces' normals.
 
     Args:
-        method: "area-uniform", independent of each other and as probable anywhere; or "poisson-disc", of which none
-            are close together: those left of more such points when the most crowded are dropped one by one.
-        rng: what to draw from.
+        method: "area-uniform", independent and uniform by area; or "poisson-disc", with no two points close together:
+            more such points, of which the most crowded are dropped one by one.
+        rng: random generator.
     """
     check_count(count=count)
     if method not in get_args(SamplingMethod):
         raise RangeError(f"method = {method!r}; allowed: {', '.join(get_args(SamplingMethod))}")
     drawn = count if method == "area-uniform" else CANDIDATES * count
     share = np.cumsum(mesh.face_areas_m2)
-    # From the right: a face without area, which repeats its forerunner's sum, is never found.
+    # From the right, so that a face without area, which repeats the previous sum, is never selected.
     face = np.searchsorted(share, share[-1] * rng.uniform(size=drawn), side="right")
-    # A uniform point of a parallelogram, its far half folded back onto the triangle.
+    # A uniform point of a parallelogram, with its far half folded back onto the triangle.
     weights = rng.uniform(size=(drawn, 2))
     weights = np.where(weights.sum(axis=1, keepdims=True) > 1, 1 - weights, weights)
     first, second, third = np.moveaxis(mesh.corners_m[face], 1, 0)
@@ -144,7 +144,7 @@ def on_mesh(mesh: Mesh, count: int, method: SamplingMethod = "area-uniform", *, 
 
 
 def _golden_lattice(count: int, length: float, width: float) -> tuple[Floats, Floats]:
-    """`count` places spread evenly over a rectangle about 0: along its length and its width, (count,) each."""
+    """`count` points spread evenly over a rectangle about 0: along its length and its width, (count,) each."""
     check_count(count=count)
     step = np.arange(count) + 0.5
     return np.asarray(length * (step / count - 0.5)), np.asarray(width * (step / GOLDEN_RATIO % 1 - 0.5))
@@ -157,7 +157,7 @@ def _golden_turns(count: int) -> tuple[Floats, Floats]:
 
 
 def _apportioned(count: int, shares: Floats) -> Integers:
-    """`count` shared out in proportion to `shares`, (S,): each gets its quota rounded down, the largest rests one."""
+    """`count` apportioned to `shares`, (S,), by largest remainder."""
     quota = count * shares / shares.sum()
     whole = np.floor(quota).astype(np.int64)
     whole[np.argsort(whole - quota, kind="stable")[: count - whole.sum()]] += 1
@@ -165,13 +165,13 @@ def _apportioned(count: int, shares: Floats) -> Integers:
 
 
 def _uncrowded(candidates: Surrogate, count: int, area_m2: float) -> Integers:
-    """Indices of `count` candidates that are left when the most crowded is dropped again and again, (count,)."""
+    """Indices of the `count` candidates left after repeatedly dropping the most crowded, (count,)."""
     from scipy.spatial import cKDTree
 
-    # Twice the largest distance that `count` points on such an area can all keep from each other.
+    # Twice the largest possible minimum distance between `count` points on this area.
     reach = 2 * math.sqrt(area_m2 / (2 * math.sqrt(3) * count))
     pairs = cKDTree(candidates.points_m).query_pairs(reach, output_type="ndarray")
-    # The two sides of a thin sheet are no neighbours.
+    # Points on the two sides of a thin sheet are not neighbours.
     one, other = pairs[(candidates.normals[pairs[:, 0]] * candidates.normals[pairs[:, 1]]).sum(axis=1) > 0].T
     apart = np.linalg.norm(candidates.points_m[one] - candidates.points_m[other], axis=1)
     weight = (1 - apart / reach) ** CROWDING_EXPONENT
@@ -188,7 +188,7 @@ def _uncrowded(candidates: Surrogate, count: int, area_m2: float) -> Integers:
     left = len(candidates)
     while left > count:
         value, index = heapq.heappop(heap)
-        # An entry from before a neighbour was dropped is out of date; a newer one follows.
+        # An entry older than a neighbour's removal is outdated; a newer one follows.
         if not kept[index] or -value != crowding[index]:
             continue
         kept[index] = False

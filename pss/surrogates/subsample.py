@@ -1,7 +1,7 @@
-"""Fewer points of interest for the same PSS: where an order whose every beginning stands for the whole can be cut.
+"""Fewer points of interest for the same PSS: prefixes of a balanced order, and their error.
 
-PSS is a mean over points of 1/σ, unobservable ones counting 0 (Eq. 10), so the mean over a part of the points estimates
-it, with an error that can be stated. What is promised, and what is only likely, is said by each function.
+PSS is a mean over points of 1/σ, where unobservable ones count 0 (Eq. 10). The mean over a part of the points estimates
+it, with a known error. Each function states which bound is certain and which holds with a given confidence.
 """
 
 from __future__ import annotations
@@ -30,25 +30,25 @@ __all__ = [
 ]
 
 
-# Fewer points than this tell nothing of their own standard error.
+# Fewer points than this are too few to estimate their own standard error.
 FIRST_POINTS = 32
-# The nearest alone is too near to stand for a point of the same stratum.
+# The nearest alone is too close to represent a point of the same stratum.
 NEIGHBOURS = 3
-# Sizes that are tried grow by this factor, and never past a power of two, at which strata are whole.
+# Sizes tried grow by this factor, stopping at each power of two, where strata are complete.
 GROWTH = 1.25
 
 
 @dataclass(frozen=True, eq=False)
 class Subsample:
-    """A part of a surrogate that stands for all of it.
+    """A part of a surrogate that represents all of it.
 
     Attributes:
         surrogate: its M points.
-        indices: of these points in the whole, (M,), in the order in which they were taken.
-        relative_error: the largest |mean over the part / mean over all − 1| of the settings that are known; nan if
-            none is.
-        relative_bound: what that error of a setting not seen stays below, with the confidence asked for; nan if
-            unknown, 0 if the part is the whole.
+        indices: of its points in the whole surrogate, (M,), in the order in which they were taken.
+        relative_error: the largest |mean over the part / mean over all − 1| of the given settings; nan if there are
+            none.
+        relative_bound: upper bound of that error for another setting, with the requested confidence; nan if unknown, 0
+            if the part is the whole.
     """
 
     surrogate: Surrogate
@@ -61,17 +61,17 @@ class Subsample:
 
 
 def relative_standard_error(points_m: ArrayLike, inverse_sigma: ArrayLike, whole: int) -> Floats:
-    """The standard error of the mean over the first M points in balanced order, relative to it.
+    """Relative standard error of the mean over the first M points in balanced order.
 
-    Taken so, the points are one of each stratum, and the variance of the mean is that within strata; it is read off
-    differences between neighbours, which are a little farther apart than two points of a stratum and so err on the
-    safe side. That holds for runs of 2, 4, 8, … points: M is taken apart into such runs, and what is left over, too
-    few to know its neighbours, counts as drawn without order.
+    Such points are one of each stratum, and the variance of the mean is that within strata. It is estimated from
+    differences between neighbours, which are slightly farther apart than two points of a stratum, so that the estimate
+    is conservative. This holds for runs of 2, 4, 8, … points: M is split into such runs, and the remainder, too small
+    for neighbours, counts as drawn at random.
 
     Args:
         points_m: m, the M points in their order, (M, 3).
         inverse_sigma: 1/m, (M,) or (K, M) for K settings; 0 at unobservable points.
-        whole: how many points the M are the beginning of.
+        whole: number of points of which the M are a prefix.
 
     Returns:
         (K,), or (1,); 0 where the M are the whole, else ∞ where all are unobservable or there is only one.
@@ -99,7 +99,7 @@ def _variance_between_neighbours(points: Floats, values: Floats) -> Floats:
     """Half the mean square of the differences of `values`, (K, M), between each of `points` and its nearest; (K,)."""
     from scipy.spatial import cKDTree
 
-    # The first is the point itself or, if others are in the same place, one of them: a difference too many of 0.
+    # The first is the point itself or a coincident one, whose difference of 0 is then counted twice.
     _, nearest = cKDTree(points).query(points, k=range(2, NEIGHBOURS + 2))
     differences = values[:, np.asarray(nearest)] - values[:, :, None]
     return np.asarray((differences**2).mean(axis=(1, 2)) / 2)
@@ -110,11 +110,11 @@ def subsample_to_tolerance(
 ) -> Subsample:
     """The fewest points, in balanced order, whose mean 1/σ is within `tolerance` of that of all, for known settings.
 
-    Certain: the tolerance is kept at each of the given settings, and would be with any more of the points. Likely: it
-    is kept, with probability `confidence`, at another setting drawn as these were. For that, one of two bounds has to
-    lie below the tolerance: Student's on the errors of the K settings, which takes them for normal and is of use from
-    some ten settings on; or the largest of these errors plus the normal quantile of their standard error, which the
-    differences between neighbours give.
+    Certain: each of the given settings keeps the tolerance, and would with any larger prefix. Likely: another setting,
+    drawn like these, keeps it with probability `confidence`. For this, one of two bounds must be below the tolerance:
+    Student's on the errors of the K settings, which assumes them normal and is useful from about ten settings on; or
+    the largest of these errors plus the normal quantile of their standard error, estimated from differences between
+    neighbours.
 
     Args:
         inverse_sigma: 1/m at all N points, (N,) or (K, N) for K settings, such as neighbouring ones; 0 where
@@ -133,7 +133,7 @@ def subsample_to_tolerance(
     whole = values.mean(axis=1, keepdims=True)
     errors = np.abs(np.cumsum(values, axis=1) / np.arange(1, len(order) + 1) / whole - 1)
     errors[:, -1] = 0.0
-    # What a beginning gets right by chance, a longer one gets wrong again: it is the worst from there on that counts.
+    # What a prefix gets right by chance, a longer one gets wrong again: the largest error from there on counts.
     worst, spread = (_largest_from_here_on(e) for e in (errors.max(axis=0), np.sqrt((errors**2).mean(axis=0))))
     bound = float(stdtrit(len(values), (1 + confidence) / 2)) * spread
     fewest, by_errors = (int((kept <= tolerance).argmax()) + 1 for kept in (worst, np.maximum(worst, bound)))
@@ -148,11 +148,15 @@ def subsample_to_tolerance(
 
 
 def subsample_to_budget(surrogate: Surrogate, seconds_per_point: float, budget_s: float) -> Subsample:
-    """As many points, in balanced order, as can be evaluated in `budget_s` seconds; of their error nothing is known."""
+    """As many points, in balanced order, as can be evaluated in `budget_s` seconds; their error is unknown.
+
+    Raises:
+        RangeError: a time is not above 0, or the budget is too short for one point.
+    """
     for name, value in (("seconds_per_point", seconds_per_point), ("budget_s", budget_s)):
         if not 0 < value < math.inf:
             raise RangeError(f"{name} = {value!r}; allowed: above 0, in seconds")
-    # Times are decimal fractions: three tenths must pay for three points of a tenth each.
+    # Times are decimal fractions: a budget of 0.3 must suffice for three points of 0.1 each.
     affordable = math.floor(min(budget_s / seconds_per_point * (1 + 1e-12), len(surrogate)))
     if affordable < 1:
         raise RangeError(f"budget_s = {budget_s!r}; allowed: {seconds_per_point!r} s or more, the time of one point")
@@ -170,16 +174,16 @@ def subsample_adaptively(
 ) -> Subsample:
     """Evaluate more and more points, in balanced order, until their mean 1/σ is likely to be within `tolerance`.
 
-    No point is evaluated twice, and the whole only if less does not do. That the tolerance is kept is likely, never
-    certain: `relative_bound` is the largest standard error of the settings times the normal quantile of `confidence`,
-    and lies above the tolerance if time ran out first.
+    No point is evaluated twice, and all of them only if fewer do not suffice. The tolerance is kept with the given
+    confidence, never with certainty: `relative_bound` is the largest standard error of the settings times the normal
+    quantile of `confidence`, and exceeds the tolerance if time ran out first.
 
     Args:
         inverse_sigma_at: from M points to 1/m, (M,), or (K, M) for K settings, 0 where unobservable.
         tolerance: relative to the mean over all points.
-        budget_s: seconds for all evaluations; kept as far as the time of the first ones predicts that of the next.
-            The first 32 points are evaluated in any case.
-        clock: seconds from any origin.
+        budget_s: seconds for all evaluations; kept as far as the time of the first ones predicts the next. The first 32
+            points are evaluated in any case.
+        clock: function that returns seconds from any origin.
     """
     quantile = _checked_quantile(tolerance, confidence)
     if budget_s is not None and not 0 < budget_s < math.inf:
@@ -194,7 +198,7 @@ def subsample_adaptively(
         size = target
         errors = relative_standard_error(surrogate.points_m[order[:size]], np.concatenate(parts, axis=1), len(order))
         bound = quantile * float(errors.max())
-        # Few looks at the error, so that chance does not stop too early, and each at whole strata.
+        # Few tests of the error, so that chance does not stop too early, and each at complete strata.
         target = min(len(order), 2 * size)
         if budget_s is not None:
             spent = clock() - begin
@@ -216,7 +220,7 @@ def _largest_from_here_on(values: Floats) -> Floats:
 
 
 def _checked_quantile(tolerance: float, confidence: float) -> float:
-    """The standard deviations that `confidence` of a normal distribution lie within."""
+    """Half-width, in standard deviations, of the central interval of a normal distribution with this probability."""
     for name, value in (("tolerance", tolerance), ("confidence", confidence)):
         if not 0 < value < 1:
             raise RangeError(f"{name} = {value!r}; allowed: above 0 and below 1")

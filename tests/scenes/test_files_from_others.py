@@ -410,7 +410,7 @@ GLB = {
     "a buffer on the net": (triangle(buffers=[{"uri": "https://example.org/a", "byteLength": 36}]), "in another file"),
     "more than there is": (
         triangle(accessors=[{"bufferView": 0, "componentType": 5126, "count": 10**12, "type": "VEC3"}]),
-        "its header promises 12000000000000 bytes; allowed: at most",
+        "its header declares 12000000000000 bytes; allowed: at most",
     ),
     "zeros": (triangle(accessors=[{"componentType": 5126, "count": 3, "type": "VEC3"}]), "does not hold"),
     "shared nodes": (triangle(nodes=halls_of_mirrors()), "node 1 is in two places"),
