@@ -15,7 +15,7 @@ from pss.metric.table import Metric
 from pss.metrics import METRICS
 from pss.modalities.own_sensor import FunctionSensor
 from pss.modalities.sensors import Bearing, DepthCamera, PositionFix, RangeBeacon
-from pss.noise import NOISE_MODELS, NoiseModel, noise_model
+from pss.noise import NOISE_MODELS, NoiseModel, NoiseSettings, noise_model
 from pss.processes.own_process import LinearProcess, NonlinearProcess, PerPoint
 from pss.processes.process import ConstantAcceleration, ConstantVelocity, RandomWalk
 from pss.riccati.solve import steady_state_covariance
@@ -46,6 +46,7 @@ __all__ = [
     "Metric",
     "MissingLibraryError",
     "NoiseModel",
+    "NoiseSettings",
     "NonlinearProcess",
     "Occlusion",
     "PSSError",

@@ -19,8 +19,6 @@ from pss import (
     RandomWalk,
     Rectangle,
     Sphere,
-    noise_model,
-    visibility_tests,
 )
 from pss.processes.process import ProcessModel
 from pss.surrogates import Mesh
@@ -38,6 +36,7 @@ from scenes.reading.sensor_file import start_from_named_sensor
 from scenes.reading.spec import validate
 from scenes.rules.checks import check_scene, shape_of
 from scenes.rules.marker_checks import check_markers
+from scenes.rules.predictions import check_predictions, named_model, named_visibility
 from scenes.schema.avatar import AvatarSpec, stance_of
 from scenes.schema.dictionaries import DICTIONARIES
 from scenes.schema.meshes import MeshSpec
@@ -52,10 +51,6 @@ from scenes.schema.scene_tables import (
 )
 
 __all__ = ["Scene", "load"]
-
-
-# The noise models whose factors [noise] may switch off.
-OF_THE_PAPER = ("as-printed", "corrected")
 
 
 @dataclass(frozen=True)
@@ -113,8 +108,8 @@ class Scene:
         return cameras
 
     def noise_model(self, name: str) -> NoiseModel:
-        """R_k by name with all else that the file sets for predictions: its sensor, [noise] but for `models`."""
-        return _noise_model(name, self._spec, self.sensor)
+        """R_k by name, whether `noise.models` has it or not: with the scene's sensor, switches, weights and scale."""
+        return named_model(name, self._spec.noise, self.path.parent, self.sensor)
 
     @property
     def widest_f_number(self) -> float:
@@ -138,7 +133,12 @@ class Scene:
         spec = self._spec.model_copy(update={"sensor": self._spec.sensor.model_copy(update=chosen)})
         sensor = _sensor(spec)
         return dataclasses.replace(
-            self, sensor=sensor, noise_models=_noise_models(spec, sensor), _spec=spec, auto_exposure=None
+            self,
+            sensor=sensor,
+            noise_models=_noise_models(spec, self.path.parent, sensor),
+            visibility=named_visibility(spec.metric.visibility, self.path.parent, sensor),
+            _spec=spec,
+            auto_exposure=None,
         )
 
     def with_settings(self, settings: Mapping[str, object]) -> Scene:
@@ -186,6 +186,7 @@ def _scene(path: Path, problems: Problems, allow_outside: bool) -> Scene:
     read_files(draft, path.parent, problems, allow_outside=allow_outside)
     check_scene(draft, problems)
     check_markers(draft, problems)
+    check_predictions(draft, path.parent, problems, allow_outside=allow_outside)
     problems.raise_if_any()
     assert spec is not None  # no problem, so pydantic had none
     sensor = _sensor(spec)
@@ -196,8 +197,8 @@ def _scene(path: Path, problems: Problems, allow_outside: bool) -> Scene:
         cameras=tuple(_camera(camera, spec) for camera in spec.cameras),
         sensor=sensor,
         process=_process(spec),
-        noise_models=_noise_models(spec, sensor),
-        visibility=visibility_tests(spec.metric.visibility),
+        noise_models=_noise_models(spec, path.parent, sensor),
+        visibility=named_visibility(spec.metric.visibility, path.parent, sensor),
         _spec=spec,
         warnings=tuple(problems.warnings),
         auto_exposure=_auto_exposure(spec),
@@ -262,18 +263,8 @@ def _auto_exposure(spec: SceneSpec) -> AutoExposure | None:
     return AutoExposure(**{name: value for name, value in said.items() if value is not None})
 
 
-def _noise_models(spec: SceneSpec, sensor: ImageSensor) -> tuple[NoiseModel, ...]:
-    return tuple(_noise_model(name, spec, sensor) for name in spec.noise.models)
-
-
-def _noise_model(name: str, spec: SceneSpec, sensor: ImageSensor) -> NoiseModel:
-    return noise_model(
-        name,
-        switched_off=spec.noise.switched_off if name in OF_THE_PAPER else (),
-        ccd_noise=sensor.ccd_noise,
-        px2_per_m2=spec.noise.px2_per_m2,
-        sensor=sensor,
-    )
+def _noise_models(spec: SceneSpec, folder: Path, sensor: ImageSensor) -> tuple[NoiseModel, ...]:
+    return tuple(named_model(name, spec.noise, folder, sensor) for name in spec.noise.models)
 
 
 def _camera(spec: CameraSpec, scene: SceneSpec) -> PTZCamera:

@@ -5,15 +5,14 @@ To add a metric, register an entry point of the group "pss.metrics" that names a
 
 from __future__ import annotations
 
-import importlib.metadata
-import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 from numpy.typing import ArrayLike
 
 from pss.cameras.camera import PTZCamera
+from pss.entry_points import EntryPointTable
 from pss.errors import RangeError
 from pss.hints import Floats
 from pss.metric.evaluate import evaluate
@@ -78,56 +77,19 @@ class Metric:
         return float(self.score(evaluate(cameras, points_m, normals, **models)))
 
 
-class MetricTable(Mapping[str, Metric]):
-    """Metrics by name: the project's, then those of installed entry points, which are loaded when needed."""
+class MetricTable(EntryPointTable[Metric]):
+    """Metrics by name: this project's own, then those of installed entry points, which are looked for when needed."""
 
     def __init__(self, metrics: Sequence[Metric]) -> None:
-        self._metrics = {metric.name: metric for metric in metrics}
-        if len(self._metrics) != len(metrics):
-            raise RangeError("two metrics have one name; allowed: names that differ")
-        self._own = len(metrics)
-        self._complete = False
-
-    def __getitem__(self, name: str) -> Metric:
-        if name not in self._metrics:
-            self._load()
-        if name not in self._metrics:
-            raise KeyError(f"metric {name!r}; allowed: {', '.join(self._metrics)}")
-        return self._metrics[name]
-
-    def __iter__(self) -> Iterator[str]:
-        self._load()
-        return iter(self._metrics)
-
-    def __len__(self) -> int:
-        self._load()
-        return len(self._metrics)
-
-    def of_entry_points(self) -> tuple[Metric, ...]:
-        """The metrics of installed entry points, in their order."""
-        self._load()
-        return tuple(self._metrics.values())[self._own :]
+        super().__init__(ENTRY_POINTS, "metric", ((metric.name, metric) for metric in metrics))
 
     def better(self, name: str, one: float, other: float) -> bool:
         """Whether `one` is the better value of the metric."""
         return one > other if self[name].higher_is_better else one < other
 
-    def _load(self) -> None:
-        if self._complete:
-            return
-        self._complete = True
-        for entry in importlib.metadata.entry_points(group=ENTRY_POINTS):
-            try:
-                loaded = entry.load()
-                found = [loaded] if isinstance(loaded, Metric) else list(loaded)
-                for metric in found:
-                    self._add(metric)
-            except Exception as error:  # third-party code: a broken one must not disable the other metrics
-                warnings.warn(f"metrics of entry point {entry.name!r} ({entry.value}): {error}", stacklevel=2)
-
-    def _add(self, metric: Metric) -> None:
-        if not isinstance(metric, Metric):
-            raise RangeError(f"{metric!r}; allowed: a pss.Metric, or a sequence of them")
-        if metric.name in self._metrics:
-            raise RangeError(f"metric {metric.name!r} is there already; allowed: another name")
-        self._metrics[metric.name] = metric
+    def _items_of(self, name: str, loaded: object) -> Iterable[tuple[str, Metric]]:
+        found = [loaded] if isinstance(loaded, Metric) else list(cast(Iterable[object], loaded))
+        for metric in found:
+            if not isinstance(metric, Metric):
+                raise RangeError(f"{metric!r}; allowed: a pss.Metric, or a sequence of them")
+            yield metric.name, metric

@@ -14,16 +14,27 @@ from pss.noise.factors import (
     SMALLEST_COS_INCIDENCE,
     Defocus,
     DistanceIncidence,
+    FactorOfParts,
     IdentityNoise,
     NoiseFactor,
     Resolution,
     Weighted,
 )
-from pss.noise.model import NOISE_MODELS, NoiseModel, noise_model
+from pss.noise.model import NoiseModel
 from pss.noise.photometric import BrightnessContrast
 from pss.noise.relative import ModuleSize, RelativeDefocus
+from pss.noise.table import (
+    CALIBRATED,
+    NOISE_MODELS,
+    NoiseSettings,
+    NoiseTable,
+    calibration_called,
+    noise_model,
+    shipped_calibration,
+)
 
 __all__ = [
+    "CALIBRATED",
     "CALIBRATION_FACTORS",
     "CALIBRATION_LIMITS",
     "DEFAULT_CCD_NOISE",
@@ -35,14 +46,19 @@ __all__ = [
     "Calibration",
     "Defocus",
     "DistanceIncidence",
+    "FactorOfParts",
     "IdentityNoise",
     "ModuleSize",
     "NoiseFactor",
     "NoiseModel",
+    "NoiseSettings",
+    "NoiseTable",
     "PixelCovariance",
     "RelativeDefocus",
     "Resolution",
     "Weighted",
+    "calibration_called",
     "calibration_factor",
     "noise_model",
+    "shipped_calibration",
 ]

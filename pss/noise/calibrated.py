@@ -47,6 +47,7 @@ from pss.noise.factors import (
     Resolution,
     Weighted,
 )
+from pss.noise.model import NoiseModel
 from pss.noise.photometric import BrightnessContrast
 from pss.noise.relative import ModuleSize, RelativeDefocus
 
@@ -143,6 +144,14 @@ class Calibration:
             for factor, weight in self.weights.items()
             if weight > 0
         )
+
+    def model(
+        self,
+        sensor: ImageSensor | Mapping[str, ImageSensor] | None = None,
+        ccd_noise: float | Mapping[str, float] = DEFAULT_CCD_NOISE,
+    ) -> NoiseModel:
+        """The noise model of its factors, under its own name; `sensor` and `ccd_noise` as in `pss.noise_model`."""
+        return NoiseModel(self.name, self.factors(sensor, ccd_noise))
 
     def to_toml(self) -> str:
         """The file's text."""

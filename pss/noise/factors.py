@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from dataclasses import dataclass, replace
+from typing import Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
@@ -22,6 +22,7 @@ __all__ = [
     "SMALLEST_COS_INCIDENCE",
     "Defocus",
     "DistanceIncidence",
+    "FactorOfParts",
     "IdentityNoise",
     "NoiseFactor",
     "Resolution",
@@ -56,6 +57,23 @@ class NoiseFactor(Protocol):
         ...
 
 
+@runtime_checkable
+class FactorOfParts(NoiseFactor, Protocol):
+    """A factor whose parts can be switched off one by one, by their own names."""
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Names of all its parts; to switch off one that is off already changes nothing."""
+        ...
+
+    def without(self, part: str) -> NoiseFactor | None:
+        """The factor with the part switched off; None if nothing of it is left."""
+        ...
+
+
+EQUATION_11_PARTS = ("distance", "incidence")
+
+
 @dataclass(frozen=True)
 class DistanceIncidence:
     """Object distance and incidence angle, Eq. 11.
@@ -66,6 +84,8 @@ class DistanceIncidence:
         px2_per_m2: px²/m², the scale that Eq. 11 leaves open.
         distance: False takes D as 1 m everywhere.
         incidence: False takes cos α as 1 everywhere.
+
+    Its parts are "distance" and "incidence".
     """
 
     corrected: bool = False
@@ -82,6 +102,16 @@ class DistanceIncidence:
         elif self.incidence:
             variance = variance * np.maximum(views.cos_incidence, 0.0)  # Eq. 11
         return PixelCovariance.isotropic(self.px2_per_m2 * variance)
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Both, whether they are on or off."""
+        return EQUATION_11_PARTS
+
+    def without(self, part: str) -> DistanceIncidence | None:
+        """Eq. 11 without one of its parts; None with neither, as it is then the same for all points."""
+        distance, incidence = self.distance and part != "distance", self.incidence and part != "incidence"
+        return replace(self, distance=distance, incidence=incidence) if distance or incidence else None
 
 
 @dataclass(frozen=True)
@@ -145,6 +175,17 @@ class Weighted:
     def name(self) -> str:
         """The factor's."""
         return self.factor.name
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """The factor's; none of a factor that has none."""
+        return self.factor.parts if isinstance(self.factor, FactorOfParts) else ()
+
+    def without(self, part: str) -> Weighted | None:
+        """The factor without the part, times the same weight."""
+        assert isinstance(self.factor, FactorOfParts)  # it has the part
+        left = self.factor.without(part)
+        return None if left is None else Weighted(left, self.weight)
 
     def covariance(self, views: Views) -> PixelCovariance:
         """px², the factor's times the weight."""

@@ -1,41 +1,23 @@
-"""R_k as the sum of its factors (section 4), and the sums that have a name."""
+"""R_k as the sum of its factors (section 4)."""
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pss.cameras.appearance import Appearance
 from pss.cameras.camera import PTZCamera, as_points
-from pss.cameras.sensor import ImageSensor
 from pss.cameras.views import Views
 from pss.errors import RangeError, ShapeError
 from pss.hints import Floats
-from pss.inputs import members, number
-from pss.noise.calibrated import Calibration
+from pss.inputs import members
 from pss.noise.covariance import PixelCovariance
-from pss.noise.factors import (
-    DEFAULT_CCD_NOISE,
-    Defocus,
-    DistanceIncidence,
-    IdentityNoise,
-    NoiseFactor,
-    Resolution,
-    Weighted,
-    covariance_of,
-)
-from pss.noise.photometric import BrightnessContrast
+from pss.noise.factors import FactorOfParts, NoiseFactor, Weighted, covariance_of
 
-__all__ = ["NOISE_MODELS", "NoiseModel", "noise_model"]
-
-
-# Parts of Eq. 11 that can be switched off alone.
-EQUATION_11_PARTS = ("distance", "incidence")
+__all__ = ["NoiseModel"]
 
 
 @dataclass(frozen=True)
@@ -76,30 +58,31 @@ class NoiseModel:
         views = Views([camera], points, directions, appearance)
         return np.asarray(self.of_views(views).matrix(1, len(points))[0])
 
+    @property
+    def switches(self) -> tuple[str, ...]:
+        """Names of its factors, then of their parts: what can be switched off."""
+        return _switches(self.factors)
+
     def without(self, *names: str) -> NoiseModel:
-        """The model with the named factors switched off; "distance" and "incidence" switch off their part of Eq. 11.
+        """The model with the named factors, or parts of one (`FactorOfParts`), switched off.
 
         Raises:
             RangeError: a factor that the model doesn't have, or no factor left.
         """
         factors = list(self.factors)
         for name in names:
-            if name in EQUATION_11_PARTS and any(isinstance(factor, DistanceIncidence) for factor in factors):
-                factors = [_without_part(factor, name) for factor in factors]
-                # Eq. 11 with neither part is the same for all points: it is off.
-                factors = [
-                    f for f in factors if not (isinstance(f, DistanceIncidence) and not (f.distance or f.incidence))
-                ]
-            else:
-                self._require(name)
-                factors = [factor for factor in factors if factor.name != name]
+            if name not in _switches(factors):
+                raise RangeError(f"noise factor {name!r} is not in {self.name!r}; allowed: {', '.join(self.switches)}")
+            factors = [left for factor in factors if (left := _without(factor, name)) is not None]
         suffix = "".join(f" without {name}" for name in names)
         return NoiseModel(self.name + suffix, tuple(factors))
 
     def weighted(self, weights: Mapping[str, float], name: str | None = None) -> NoiseModel:
         """The model with the covariances of the named factors multiplied by `weights`, of 0 or more."""
+        have = [factor.name for factor in self.factors]
         for factor in weights:
-            self._require(factor)
+            if factor not in have:
+                raise RangeError(f"noise factor {factor!r} is not in {self.name!r}; allowed: {', '.join(have)}")
         factors = tuple(Weighted(f, weights[f.name]) if f.name in weights else f for f in self.factors)
         return NoiseModel(self.name + " weighted" if name is None else name, factors)
 
@@ -107,64 +90,14 @@ class NoiseModel:
         """The model with further factors."""
         return NoiseModel(self.name + "".join(f" + {f.name}" for f in factors), self.factors + factors)
 
-    def _require(self, name: str) -> None:
-        have = [factor.name for factor in self.factors]
-        if name not in have:
-            raise RangeError(f"noise factor {name!r} is not in {self.name!r}; allowed: {', '.join(have)}")
+
+def _switches(factors: Sequence[NoiseFactor]) -> tuple[str, ...]:
+    parts = (part for factor in factors if isinstance(factor, FactorOfParts) for part in factor.parts)
+    return tuple(dict.fromkeys((*(factor.name for factor in factors), *parts)))
 
 
-def _without_part(factor: NoiseFactor, part: str) -> NoiseFactor:
-    if not isinstance(factor, DistanceIncidence):
-        return factor
-    return dataclasses.replace(
-        factor, distance=factor.distance and part != "distance", incidence=factor.incidence and part != "incidence"
-    )
-
-
-NOISE_MODELS = ("as-printed", "corrected", "physical", "identity")
-
-
-def noise_model(
-    name: str | Path,
-    *,
-    switched_off: Iterable[str] = (),
-    ccd_noise: float | Mapping[str, float] = DEFAULT_CCD_NOISE,
-    px2_per_m2: float = 1.0,
-    sensor: ImageSensor | Mapping[str, ImageSensor] | None = None,
-) -> NoiseModel:
-    """The noise model called `name`.
-
-    "as-printed" is Eqs. 11–15, "corrected" has D²/cos α in Eq. 11, "physical" is the tag's edges against the sensor's
-    noise (it needs `appearance` in `pss.evaluate`), "identity" is R = I. The path of a calibration (.toml) is the
-    model that it describes.
-
-    Args:
-        switched_off: names of factors to leave out: "distance-incidence" (or "distance", "incidence"), "resolution",
-            "defocus". They are the paper's; the models "physical" and "identity" have none of them.
-        ccd_noise: dark noise over full well, for Eqs. 12 and 13; a number, or one for each camera by name.
-        px2_per_m2: px²/m², the scale of Eq. 11.
-        sensor: for "physical"; one for all cameras, or one for each by name.
-
-    Raises:
-        RangeError: an unknown name of a model or a factor, or a constant out of range.
-    """
-    if isinstance(switched_off, str):
-        raise RangeError(f"switched_off = {switched_off!r}; allowed: a list of names")
-    off = tuple(switched_off)
-    of_file = str(name).endswith(".toml")
-    if name not in NOISE_MODELS and not of_file:
-        raise RangeError(f"noise model {name!r}; allowed: {', '.join(NOISE_MODELS)}, or a calibration's path (.toml)")
-    dark = ccd_noise.values() if isinstance(ccd_noise, Mapping) else [ccd_noise]
-    scales = [*(number(value, "ccd_noise") for value in dark), number(px2_per_m2, "px2_per_m2")]
-    if not all(scale > 0 for scale in scales):
-        raise RangeError(f"ccd_noise = {ccd_noise!r}, px2_per_m2 = {px2_per_m2!r}; allowed: above 0")
-    if of_file:
-        calibration = Calibration.from_file(name)
-        return NoiseModel(calibration.name, calibration.factors(sensor, ccd_noise)).without(*off)
-    if name == "identity":
-        return NoiseModel("identity", (IdentityNoise(),)).without(*off)
-    if name == "physical":
-        factor = BrightnessContrast(ImageSensor() if sensor is None else sensor)
-        return NoiseModel("physical", (factor,)).without(*off)
-    first = DistanceIncidence(corrected=name == "corrected", px2_per_m2=px2_per_m2)
-    return NoiseModel(str(name), (first, Resolution(ccd_noise), Defocus())).without(*off)
+def _without(factor: NoiseFactor, name: str) -> NoiseFactor | None:
+    """What is left of a factor without the factor, or the part of one, of that name."""
+    if factor.name == name:
+        return None
+    return factor.without(name) if isinstance(factor, FactorOfParts) and name in factor.parts else factor

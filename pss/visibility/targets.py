@@ -20,8 +20,8 @@ from pss.cameras.views import Views
 from pss.errors import RangeError
 from pss.hints import Bools, Floats
 from pss.noise.blur import DIAMETERS_PER_SIGMA, SQUARED_LENGTHS_PER_VARIANCE, sensors_of, way_across_px, way_px
-from pss.noise.calibrated import Calibration
 from pss.noise.photometric import module_sides, sides_e
+from pss.noise.table import CALIBRATED, calibration_called
 from pss.surrogates import Shape, any_blocks
 from pss.visibility.points import CLEARANCE_M, VISIBILITY_TESTS, VisibilityTest
 
@@ -44,7 +44,7 @@ LEAST_CONTRAST_OVER_NOISE = 2.0
 
 Measured on drawn markers (benchmarks/detection_limit.py, benchmarks/README.md)."""
 
-VISIBILITIES = ("point", "target")
+VISIBILITIES = ("point", "target", CALIBRATED)
 # Where on a target something may stand before it: corners and middles of the sides, in units of half a side.
 AROUND = ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1))
 CORNERS = ((-1, -1), (-1, 1), (1, -1), (1, 1))
@@ -138,7 +138,7 @@ def visibility_tests(
     """The visibility tests called `name`, for `pss.evaluate(…, visibility=…)`.
 
     "point" is the paper's: a line of sight to the point. "target" asks for the whole target. The path of a calibration
-    (.toml) asks for what its detector needs besides; one without limits is "target".
+    (.toml), or "calibrated" for the shipped one, adds its detector's limits; one without limits is "target".
 
     Args:
         sensor: of `Legible`; for targets that move.
@@ -150,9 +150,11 @@ def visibility_tests(
         return VISIBILITY_TESTS
     if name == "target":
         return TARGET_VISIBILITY
-    if not str(name).endswith(".toml"):
-        raise RangeError(f"visibility {name!r}; allowed: {', '.join(VISIBILITIES)}, or a calibration's path (.toml)")
-    return within_limits(Calibration.from_file(name).limits, sensor)
+    calibration = calibration_called(name)
+    if calibration is None:
+        allowed = f"{', '.join(VISIBILITIES)}, or a calibration's path (.toml)"
+        raise RangeError(f"visibility {str(name)!r}; allowed: {allowed}")
+    return within_limits(calibration.limits, sensor)
 
 
 def within_limits(

@@ -14,7 +14,9 @@ __all__ = [
     "LONGEST_ROOM_M",
     "LONGEST_TITLE",
     "MOST_CAMERAS",
+    "MOST_FACTORS",
     "MOST_FRAMES",
+    "MOST_MODELS",
     "MOST_OBJECTS",
     "MOST_PANELS",
     "MOST_PLACED",
@@ -54,4 +56,7 @@ MOST_RUNS = 50
 MOST_FRAMES = 108_000
 # Names head columns and end up in the names of files, of which a folder takes 255 bytes.
 LONGEST_NAME = 60
+# Each configuration is evaluated under each noise model; tables and figures hold fewer.
+MOST_MODELS = 30
+MOST_FACTORS = 100
 LONGEST_TITLE = 200

@@ -17,7 +17,6 @@ from scenes.rules.optics import FAR_M, check_optics
 from scenes.schema.avatar import AvatarSpec, stance_of
 from scenes.schema.meshes import MeshSpec
 from scenes.schema.scene_tables import (
-    NOISE_FACTORS,
     BoxSpec,
     CameraSpec,
     LightSpec,
@@ -49,7 +48,6 @@ def check_scene(draft: SceneSpec, problems: Problems) -> None:
     for index, item in present(draft.objects):
         _check_object(("objects", index), item, draft.room, problems)
     check_avatars(draft, problems)
-    _check_noise(draft, problems)
 
 
 def check_names(location: Location, items: Iterable | None, noun: str, problems: Problems) -> None:
@@ -218,18 +216,3 @@ def _holds(shape: Shape, point_m: np.ndarray) -> bool:
         case Mesh():
             return holds(shape, point_m)
     return False  # a board has no inside
-
-
-# ---- predictions ---------------------------------------------------------------------------------------------------
-
-
-def _check_noise(draft: SceneSpec, problems: Problems) -> None:
-    noise = draft.noise
-    if noise is None:
-        return
-    for key in ("models", "switched_off"):
-        names = getattr(noise, key) or ()
-        if len(set(names)) < len(names):
-            problems.add(("noise", key), "each name once")
-    if noise.switched_off is not None and set(noise.switched_off) == set(NOISE_FACTORS):
-        problems.add(("noise", "switched_off"), "not all of them: at least one factor must stay")

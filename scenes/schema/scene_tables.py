@@ -11,9 +11,9 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from pss import NOISE_MODELS, noise_model
 from pss.cameras.camera import MAX_ABS_TILT_DEG, MOST_BLADES
 from pss.cameras.sensor import LARGEST_PRNU_SHARE
+from pss.noise.table import BUILT_IN_MODELS
 from pss.visibility.targets import VISIBILITIES
 from render.light.exposure import AutoExposure
 from scenes.reading.limits import (
@@ -22,6 +22,8 @@ from scenes.reading.limits import (
     LONGEST_EXPOSURE_MS,
     LONGEST_ROOM_M,
     MOST_CAMERAS,
+    MOST_FACTORS,
+    MOST_MODELS,
     MOST_OBJECTS,
     MOST_PANELS,
     MOST_PLACED,
@@ -48,12 +50,11 @@ __all__ = [
     "SpiralSpec",
 ]
 
-NOISE_FACTORS = tuple(factor.name for factor in noise_model(NOISE_MODELS[0]).factors)
-
 # The aperture beyond which the rays to the middle of the image would come from behind it (sine condition, in air).
 FASTEST_F_NUMBER = 0.5
 
 Size = Annotated[Number, Field(gt=0)]
+Text = Annotated[str, Field(strict=True, min_length=1)]
 PixelCount = Annotated[int, Field(strict=True, ge=16, le=20000)]
 EXPOSURE = f"a number from {SHORTEST_EXPOSURE_MS:g} to {LONGEST_EXPOSURE_MS:g}, in milliseconds"
 Exposure = Annotated[Number, Field(ge=SHORTEST_EXPOSURE_MS, le=LONGEST_EXPOSURE_MS)]
@@ -282,22 +283,33 @@ class ConstantAccelerationSpec(Spec):
 
 
 class NoiseSpec(Spec):
-    """[noise]: the predictions of a run, each with these factors left out."""
+    """[noise]: the predictions of a run; factors are left out, or weighted, in each model that has them."""
 
     models: Annotated[
-        tuple[Literal[NOISE_MODELS], ...],
-        Field(min_length=1, description=f"a list of one or more of {', '.join(NOISE_MODELS)}"),
+        tuple[Text, ...],
+        Field(
+            min_length=1,
+            max_length=MOST_MODELS,
+            description=f"a list of one or more, at most {MOST_MODELS}, of {', '.join(BUILT_IN_MODELS)}, paths of "
+            "calibrations (.toml) and names of installed packages",
+        ),
     ]
     switched_off: Annotated[
-        tuple[Literal[NOISE_FACTORS], ...], Field(description=f"a list of some of {', '.join(NOISE_FACTORS)}")
+        tuple[Text, ...], Field(max_length=MOST_FACTORS, description="a list of names of factors")
     ] = ()
+    weights: Annotated[
+        dict[Text, Annotated[Number, Field(gt=0)]] | None,
+        Field(max_length=MOST_FACTORS, description="a table of numbers above 0 by the name of a factor"),
+    ] = None
     px2_per_m2: Annotated[Positive, Field(description="a number above 0, in px²/m²")] = 1.0
 
 
 class MetricSpec(Spec):
     """[metric]: what predictions count as seen; may be left out."""
 
-    visibility: Annotated[Literal[VISIBILITIES], Field(description=f"one of {', '.join(VISIBILITIES)}")] = "point"
+    visibility: Annotated[
+        Text, Field(description=f"{', '.join(VISIBILITIES)}, or the path of a calibration (.toml)")
+    ] = "point"
 
 
 ObjectSpec = one_of("kind", RectangleSpec, SphereSpec, BoxSpec, MeshSpec, AvatarSpec)

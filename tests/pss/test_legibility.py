@@ -135,7 +135,7 @@ def test_evaluate_with_targets():
 @pytest.mark.parametrize(
     ("call", "said"),
     [
-        (lambda: visibility_tests("marker"), r"'marker'; allowed: point, target, or a calibration's path"),
+        (lambda: visibility_tests("marker"), r"'marker'; allowed: point, target, calibrated, or a calibration's path"),
         (lambda: visibility_tests("nowhere.toml"), "nowhere.toml: there is no such file"),
         (lambda: WholeTarget(-1.0), r"margin_modules = -1.0; allowed: 0 or more"),
         (lambda: Legible(0.0, 1.0), r"smallest_module_px = 0.0; allowed: above 0"),
@@ -154,5 +154,5 @@ def test_a_scene_says_what_counts_as_seen():
     room = Path(__file__).parents[2] / "scenes" / "room.toml"
     assert scenes.load(room).visibility == VISIBILITY_TESTS
     assert scenes.load(room, ("metric.visibility=target",)).visibility == TARGET_VISIBILITY
-    with pytest.raises(SceneError, match=r"metric.visibility.*allowed: one of point, target"):
+    with pytest.raises(SceneError, match=r"metric.visibility.*allowed: point, target, calibrated, or a calibration"):
         scenes.load(room, ("metric.visibility=marker",))

@@ -390,7 +390,7 @@ BROKEN = {
         "every plate inside the room",
     ),
     "process": ([('"random-walk"', '"brownian"')], "process.model", '"brownian"', "random-walk, constant-velocity"),
-    "noise model": ([('"corrected"', '"korrect"')], "noise.models", "…", "as-printed, corrected"),
+    "noise model": ([('"corrected"', '"korrect"')], "noise.models.#2", '"korrect"', 'did you mean "corrected"'),
     "noise model twice": (
         [('"corrected"', '"as-printed"')],
         "noise.models",
@@ -401,7 +401,7 @@ BROKEN = {
         [('["as-printed", "corrected", "physical"]', "[]")],
         "noise.models",
         "[]",
-        "one or more of as-printed",
+        "one or more, at most 30, of as-printed",
     ),
     "factor": ([("off = []", 'off = ["blur"]')], "noise.switched_off", '["blur"]', "distance-incidence, resolution"),
     "all factors off": (

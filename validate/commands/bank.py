@@ -101,7 +101,8 @@ def run(
         scene: scene file (default: the room).
         second_scene: another room, in which the calibration is judged without refitting (default: the atrium; with
             --calibration or --set: none).
-        calibration: judge with this calibration as it is; no training views are rendered and nothing is fitted.
+        calibration: judge with this calibration as it is ("calibrated" for the shipped one); no training views are
+            rendered and nothing is fitted.
         out: folder for the results.
         store: folder of rendered views and measurements, shared by all runs, or an address (docs/store.md).
         settings: views of each camera.

@@ -9,13 +9,12 @@ from pathlib import Path
 
 from pss import RangeError
 from pss.noise import Calibration
+from pss.noise.table import CALIBRATED, SHIPPED_CALIBRATION
 from render.store.folder import write_text
 
 __all__ = ["FrozenCalibration", "leave", "provenance_of", "read_frozen", "sha256_of"]
 
 FILE = "calibrated.toml"
-# Under which contenders and tables know a calibration, whatever its file calls it.
-NAME = "calibrated"
 
 
 @dataclass(frozen=True)
@@ -33,15 +32,18 @@ class FrozenCalibration:
 
 
 def read_frozen(path: Path) -> FrozenCalibration:
-    """Read the file of a calibration that is judged as it is.
+    """Read the file of a calibration that is judged as it is, or the shipped one by its name, "calibrated".
+
+    Contenders and tables have it as "calibrated", whatever the file calls it.
 
     Raises:
         RangeError: it is missing, no calibration, or has no limits of detection, without which not all can be judged.
     """
+    path = SHIPPED_CALIBRATION if str(path) == CALIBRATED else path
     calibration = Calibration.from_file(path)
     if not calibration.limits:
         raise RangeError(f"{path}: no [limits]; allowed with --calibration: one with limits of detection, as bank fits")
-    return FrozenCalibration(replace(calibration, name=NAME), path.name, path.read_bytes().decode("utf-8"))
+    return FrozenCalibration(replace(calibration, name=CALIBRATED), path.name, path.read_bytes().decode("utf-8"))
 
 
 def leave(frozen: FrozenCalibration, out: Path) -> None:

@@ -10,6 +10,7 @@ import pytest
 
 import scenes
 from pss.noise import Calibration
+from pss.noise.table import SHIPPED_CALIBRATION
 from tests.helpers.drawn_pixels import acquired_of
 from validate import run_sweep
 from validate.bank import acquire as prepare
@@ -18,7 +19,7 @@ from validate.commands import bank
 from validate.runs.csv_file import read_csv
 
 SCENES = Path(__file__).parents[3] / "scenes"
-FILE = SCENES / "calibrations" / "room.toml"
+FILE = SHIPPED_CALIBRATION
 # Of R: NEES is inverse to it.
 FACTOR = 4.0
 # Tables have seven digits.

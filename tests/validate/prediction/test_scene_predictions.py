@@ -116,8 +116,14 @@ def test_commands_refuse_before_they_render(tmp_path):
 
 def test_calibration_error_names_what_has_no_effect():
     """It judges the calibrated model alone."""
-    scene = load("room", PHYSICAL_ALONE, 'noise.switched_off=["defocus"]', 'metric.visibility="target"')
+    scene = load(
+        "room", 'noise.models=["physical", "corrected"]', 'noise.switched_off=["defocus"]', 'metric.visibility="target"'
+    )
     [line] = without_effect(scene)
-    for key in ('noise.models = ["physical"]', 'noise.switched_off = ["defocus"]', 'metric.visibility = "target"'):
+    for key in (
+        'noise.models = ["physical", "corrected"]',
+        'noise.switched_off = ["defocus"]',
+        'metric.visibility = "target"',
+    ):
         assert key in line
     assert "px2_per_m2" not in line

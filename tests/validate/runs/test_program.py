@@ -26,7 +26,7 @@ ROOT = Path(__file__).parents[3]
 SCRIPT = ROOT / "validate" / "run_sweep.py"
 # Folders of packages, and what of the project is not among its modules but read by its commands.
 PACKAGES = ("pss", "render", "scenes", "validate")
-CALIBRATION = "scenes/calibrations/room.toml"
+CALIBRATION = "pss/noise/calibrated.toml"
 
 
 # ---- its name ----------------------------------------------------------------------------------------------------
