@@ -149,7 +149,7 @@ def first_lines(rows: list[dict[str, str]]) -> set[tuple[str, str, str]]:
     lines = set()
     for kind, (metric, measured) in KINDS.items():
         for row in rows:
-            if (row["metric"], row["level"], row["yardstick"]) == (metric, "configuration", measured):
+            if (row["metric"], row["level"], row["measure"]) == (metric, "configuration", measured):
                 value, low, high = (f"{float(row[f'spearman{end}']):+.2f}" for end in ("", "_ci_low", "_ci_high"))
                 lines.add((row["noise_model"], kind, f"{value} [{low}, {high}]"))
     return lines

@@ -44,7 +44,7 @@ def a_run(folder, factor=1.0, predicted=1.0, spread=0.1, rho=0.8, half_width=0.1
             correlation.append(
                 {
                     "sweep": sweep, "metric": metric, "noise_model": model, "level": "configuration",
-                    "yardstick": "measured_pss_single_frame", "cameras": 2, "n": 3, "spearman": rho,
+                    "measure": "measured_pss_single_frame", "cameras": 2, "n": 3, "spearman": rho,
                     "spearman_ci_low": rho - half_width, "spearman_ci_high": rho + half_width, "regret": 0.05,
                 }
             )  # fmt: skip

@@ -35,7 +35,7 @@ PLACES = {
     ("bank-bright", ""): 0.02,
     ("bank-half-full-well", ""): 0.04,
 }
-YARDSTICKS = ("measured_pss_single_frame", "measured_pss_filter", "share_under_0.02mm", "share_under_0.05mm",
+MEASURES = ("measured_pss_single_frame", "measured_pss_filter", "share_under_0.02mm", "share_under_0.05mm",
               "share_under_0.1mm", "share_under_0.2mm", "share_under_5mm", "median_rms_m")  # fmt: skip
 COUNT_RHO = {"single": 0.62, "walk": 0.78}
 STEPS_MM = (0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
@@ -53,7 +53,7 @@ def write_reference(folder: Path) -> Path:
             _write(folder / bank / f"{prefix}{name}.csv", rows)
         weights = f'name = "calibrated"\n\n[weights]\nbrightness-contrast = {1.05 + lower}\n'
         (folder / bank / "calibrated.toml").write_text(weights, encoding="utf-8")
-    commits = [{"what": "frozen", "commit": "0123abc"}, {"what": "judged", "commit": "4567def"}]
+    commits = [{"event": "frozen", "commit": "0123abc"}, {"event": "judged", "commit": "4567def"}]
     _write(folder / "bank-third" / "commits.csv", commits)
     _write(folder / "calibration_error.csv", _calibration_error())
     return folder
@@ -90,12 +90,12 @@ def _bank(lower: float) -> dict[str, Table]:
             for visibility in ("points", "whole markers", "fitted limits", "known")
         ],
         "sensitivity": [
-            {"cameras": 4, "noise_model": "as-printed", "varied": varied, "times": times, **_rho("spearman", 0.8)}
+            {"cameras": 4, "noise_model": "as-printed", "varied": varied, "multiplier": times, **_rho("spearman", 0.8)}
             for varied, times in (("px2_per_m2", 0.1), ("px2_per_m2", 10), ("defocus alone", 1))
         ],
         "scale": [
-            {"cameras": 4, "metric": "pss", "yardstick": "measured_pss_filter", "noise_model": "as-printed",
-             "times": times, "fitted": "yes" if times == 1.6e-5 else "no", **_rho("spearman", 0.5 + lower)}
+            {"cameras": 4, "metric": "pss", "measure": "measured_pss_filter", "noise_model": "as-printed",
+             "multiplier": times, "fitted": "yes" if times == 1.6e-5 else "no", **_rho("spearman", 0.5 + lower)}
             for times in (1.0, 0.01, 1.6e-5)
         ],
         "detection": [
@@ -121,11 +121,11 @@ def _leaderboard(lower: float) -> Table:
     ]
     rows: Table = []
     for cameras in (2, 4):
-        for yardstick in YARDSTICKS:
+        for measure in MEASURES:
             for rank, (metric, name, rho) in enumerate(sorted(pairs, key=lambda pair: -pair[2]), 1):
-                neutral = yardstick != "measured_pss_single_frame" and metric.startswith("pss")
+                neutral = measure != "measured_pss_single_frame" and metric.startswith("pss")
                 there = max(rho - lower - 0.4 * neutral, 0.3)
-                row = {"cameras": cameras, "yardstick": yardstick, "metric": metric, "noise_model": name, "n": 500}
+                row = {"cameras": cameras, "measure": measure, "metric": metric, "noise_model": name, "n": 500}
                 row |= _rho("spearman", there) | {
                     "rank": rank,
                     "rank_ci_low": max(rank - 2, 1),
@@ -142,9 +142,9 @@ def _leaderboard(lower: float) -> Table:
 
 def _differences(lower: float) -> Table:
     return [
-        {"cameras": 4, "yardstick": yardstick, "metric": metric, "noise_model": name,
-         "minus": base, "n": 500, **_around("spearman_difference", rho - MODELS[base][0] - lower / 3 - worse, 0.04)}
-        for yardstick, metric, worse in (("measured_pss_single_frame", "pss-single-frame", 0.0),
+        {"cameras": 4, "measure": measure, "metric": metric, "noise_model": name,
+         "baseline": base, "n": 500, **_around("spearman_difference", rho - MODELS[base][0] - lower / 3 - worse, 0.04)}
+        for measure, metric, worse in (("measured_pss_single_frame", "pss-single-frame", 0.0),
                                          ("measured_pss_filter", "pss", 0.03))
         for name, (rho, *_) in MODELS.items()
         for base in ("identity", "identity, scaled", "physical")
@@ -232,7 +232,7 @@ def _calibration_error() -> Table:
                 values = {"plain": 0.97 - lost, "with_term": 0.96, "propagated": 0.965, "gain": lost - 0.01}
                 values |= {"gain_propagated": lost - 0.005, "other_draws": 0.9, "median_rms": 0.9}
                 for name, value in values.items():
-                    for end, off in (("", 0.0), ("_low", -0.05), ("_high", 0.02), ("_least", -0.27), ("_most", 0.02)):
+                    for end, off in (("", 0.0), ("_low", -0.05), ("_high", 0.02), ("_min", -0.27), ("_max", 0.02)):
                         row[f"spearman_{name}{end}"] = value + off
                 row |= {"rms_over_plain": 1 + largest, "rms_over_matching": 1.0, "first_order_rms_ratio": 1.0}
                 rows.append(row)

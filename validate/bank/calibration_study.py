@@ -80,7 +80,7 @@ def study(
         Spearman's ρ of measured single-frame PSS with the prediction by R ("plain"), by R + JΣJᵀ ("with_term") and by
         C + GΣGᵀ ("propagated"), what the two gain, and with the mean of the other draws ("other_draws"), each with a
         95 % interval over cameras, views, points and draws; within one calibration ρ is the mean over the draws,
-        `_least` and `_most` are the extremes among them. `median_pss` (1/m) and `median_rms_m` (pooled) are medians
+        `_min` and `_max` are the extremes among them. `median_pss` (1/m) and `median_rms_m` (pooled) are medians
         over the configurations (and draws); `spearman_median_rms` is that of the prediction which is like the weights
         with the median RMS over all points, a measure that favours no metric's form; `rms_over_…` is the median over
         points of measured over predicted RMS, "matching" that prediction; `first_order_rms_ratio` is the RMS to first
@@ -177,7 +177,7 @@ class _Judge:
         """The mean over the draws with its interval, and the extremes."""
         nan = float("nan")
         columns = [name, f"{name}_low", f"{name}_high"]
-        columns += [f"{name}_least", f"{name}_most"] if name in WITH_EXTREMES else []
+        columns += [f"{name}_min", f"{name}_max"] if name in WITH_EXTREMES else []
         if not judged:
             return dict.fromkeys(columns, nan)
         single, extremes = judged[0], (nan, nan)

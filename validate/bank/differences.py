@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pss.hints import Row
-from validate.bank.leaderboard import CountVerdict, yardsticks
+from validate.bank.leaderboard import CountVerdict, measures
 from validate.stats.ranking import Ranked, with_interval
 
 __all__ = ["METRICS_OF_R", "difference_rows"]
@@ -16,23 +16,23 @@ METRICS_OF_R = ("pss", "pss-single-frame")
 
 
 def difference_rows(verdict: CountVerdict, contenders: Sequence[str], bases: Sequence[str]) -> list[Row]:
-    """A row for each contender less each of `bases`, by both kinds of PSS and each yardstick: the difference of ρ."""
+    """A row for each contender less each of `bases`, by both kinds of PSS and each measure: the difference of ρ."""
     ranked = {
         (metric, name): Ranked.of(verdict.terms(name, metric), verdict.chance)
         for metric in METRICS_OF_R
         for name in contenders
     }
     rows: list[Row] = []
-    for yardstick in yardsticks(verdict.measured):
-        measured, sign = Ranked.of(yardstick.values, verdict.chance), 1 if yardstick.higher_is_better else -1
+    for measure in measures(verdict.measured):
+        measured, sign = Ranked.of(measure.values, verdict.chance), 1 if measure.higher_is_better else -1
         judged = {pair: found.against(measured, sign) for pair, found in ranked.items()}
         rows += [
             {
                 "cameras": verdict.cameras,
-                "yardstick": yardstick.name,
+                "measure": measure.name,
                 "metric": metric,
                 "noise_model": name,
-                "minus": base,
+                "baseline": base,
                 "n": len(verdict.configurations),
                 **with_interval("spearman_difference", judged[metric, name].minus(judged[metric, base])),
             }

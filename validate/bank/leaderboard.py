@@ -19,7 +19,7 @@ from validate.stats.measured_errors import measured_inverse_sigma
 from validate.stats.ranking import Judged, Ranked, Resamples, partial, top_hits, with_interval
 from validate.stats.regret import Choices, Picked, Regrets, numbers_of
 
-__all__ = ["CountVerdict", "Yardstick", "leaderboard", "yardsticks"]
+__all__ = ["CountVerdict", "Measure", "leaderboard", "measures"]
 
 
 # Errors are tenths of a millimetre: a share under 5 mm only counts what was triangulated.
@@ -33,7 +33,7 @@ BASELINES = ("pss-single-frame", "visibility-count")
 
 
 @dataclass(frozen=True, eq=False)
-class Yardstick:
+class Measure:
     """A measured number of K configurations: terms of a mean over the points (K, N), or the number (K,).
 
     `halves` are the same from the even and from the odd trials, higher is better; None where there is none.
@@ -79,7 +79,7 @@ def single_frame_terms(found: Predicted) -> Floats:
     return found.terms["pss-single-frame"]
 
 
-def yardsticks(measured: Sequence[ConfigurationErrors]) -> list[Yardstick]:
+def measures(measured: Sequence[ConfigurationErrors]) -> list[Measure]:
     """Measured PSS (single frame; of the filter where it was run), shares under some mm, median RMS over all points."""
     pairs = [found.errors.halves() for found in measured]
     whole, *halves = (
@@ -88,13 +88,13 @@ def yardsticks(measured: Sequence[ConfigurationErrors]) -> list[Yardstick]:
         [odd for _, odd in pairs],
     )
     single, *of_halves = (np.array([e.inverse_sigma for e in errors]) for errors in (whole, *halves))
-    found = [Yardstick("measured_pss_single_frame", single, True, (of_halves[0], of_halves[1]))]
+    found = [Measure("measured_pss_single_frame", single, True, (of_halves[0], of_halves[1]))]
     distances = [np.linalg.norm([e.errors_m for e in errors], axis=-1) for errors in (whole, *halves)]
     for limit in UNDER_MM:
         share, a, b = ((distance < limit / 1000).mean(axis=1) for distance in distances)  # nan is not under
-        found.append(Yardstick(f"share_under_{limit:g}mm", share, True, (a, b)))
+        found.append(Measure(f"share_under_{limit:g}mm", share, True, (a, b)))
     median = np.array([errors.median_rms_m for errors in whole])
-    found.append(Yardstick("median_rms_m", median, False, None))
+    found.append(Measure("median_rms_m", median, False, None))
     if all(f.prior_moment_m2 is not None for f in measured):
         terms = []
         for f in measured:
@@ -103,14 +103,14 @@ def yardsticks(measured: Sequence[ConfigurationErrors]) -> list[Yardstick]:
             known = np.isfinite(f.prior_moment_m2).all(axis=(1, 2))
             sigma[known] = np.sqrt(np.linalg.eigvalsh(f.prior_moment_m2[known])[:, -1])
             terms.append(measured_inverse_sigma(sigma, f.errors.detection_rate))
-        found.append(Yardstick("measured_pss_filter", np.array(terms), True, None))
+        found.append(Measure("measured_pss_filter", np.array(terms), True, None))
     return found
 
 
 def leaderboard(verdict: CountVerdict, asked: Sequence[tuple[str, str]]) -> list[Row]:
-    """A row for each metric under a noise model (`asked` pairs of model and metric) and each yardstick.
+    """A row for each metric under a noise model (`asked` pairs of model and metric) and each measure.
 
-    `twin_of` names the first pair that orders the configurations the same way; ranks count the two once.
+    `equivalent_to` names the first pair that orders the configurations the same way; ranks count the two once.
     """
     rows: list[Row] = []
     chance = verdict.chance
@@ -127,21 +127,21 @@ def leaderboard(verdict: CountVerdict, asked: Sequence[tuple[str, str]]) -> list
         picked[model, metric] = Picked.by(of_all, choices)
     of_visible = {pair: found.against(visible) for pair, found in ranked.items()}
     first = twins(numbers)
-    for yardstick in yardsticks(verdict.measured):
-        sign = 1 if yardstick.higher_is_better else -1
-        measured = Ranked.of(yardstick.values, chance)
+    for measure in measures(verdict.measured):
+        sign = 1 if measure.higher_is_better else -1
+        measured = Ranked.of(measure.values, chance)
         judged_by = {pair: found.against(measured, sign) for pair, found in ranked.items()}
         with_visible = visible.against(measured, sign)
         own = [pair for pair in asked if first[pair] == pair]
         ranks = dict(zip(own, ranks_of([judged_by[pair] for pair in own]), strict=True))
-        costs = Regrets.of_values(yardstick.halves, choices) if yardstick.halves else None
+        costs = Regrets.of_values(measure.halves, choices) if measure.halves else None
         for pair, judged in judged_by.items():
             model, metric = pair
             number = numbers[pair]
             rank, low, high = ranks[first[pair]]
             row = {
                 "cameras": verdict.cameras,
-                "yardstick": yardstick.name,
+                "measure": measure.name,
                 "metric": metric,
                 "noise_model": model,
                 "n": len(number),
@@ -149,23 +149,23 @@ def leaderboard(verdict: CountVerdict, asked: Sequence[tuple[str, str]]) -> list
                 "rank": rank,
                 "rank_ci_low": low,
                 "rank_ci_high": high,
-                "twin_of": "" if first[pair] == pair else "{1} ({0})".format(*first[pair]),
-                "kendall": kendall(number, sign * yardstick.number),
-                "pearson_log": _pearson_log(number, yardstick, METRICS[metric].higher_is_better),
+                "equivalent_to": "" if first[pair] == pair else "{1} ({0})".format(*first[pair]),
+                "kendall": kendall(number, sign * measure.number),
+                "pearson_log": _pearson_log(number, measure, METRICS[metric].higher_is_better),
                 **with_interval("partial_given_visible", partial(judged, of_visible[pair], with_visible)),
             }
             for baseline in BASELINES:
                 other = judged_by.get((model, baseline)) or judged_by[asked[0][0], baseline]
                 row |= with_interval(f"minus_{baseline.replace('-', '_')}", judged.minus(other))
             row |= _choosing(picked[pair], costs, chance)
-            rows.append(row | {"top_tenth_hits": top_hits(number, sign * yardstick.number, TOP_SHARE)})
+            rows.append(row | {"top_tenth_hits": top_hits(number, sign * measure.number, TOP_SHARE)})
     return rows
 
 
 def _choosing(picked: Picked, costs: Regrets | None, chance: Resamples) -> Row:
     """Regret of choosing one of 5, 20 and 100, the oracle's, and what the one is over the other.
 
-    A regret is a share of the best: it needs a yardstick that is a positive number, and halves of it.
+    A regret is a share of the best: it needs a measure that is a positive number, and halves of it.
     """
     row: Row = {}
     unknown = chance.judged(float("nan"), np.full(len(chance.points), np.nan))
@@ -204,7 +204,7 @@ def ranks_of(judged: Sequence[Judged]) -> list[tuple[int, int, int]]:
     ]
 
 
-def _pearson_log(number: Floats, yardstick: Yardstick, higher_is_better: bool) -> float:
+def _pearson_log(number: Floats, measure: Measure, higher_is_better: bool) -> float:
     """Of the metric itself, which `number` has negated if it is better when lower; positive where they agree."""
     sign = 1 if higher_is_better else -1
-    return sign * (1 if yardstick.higher_is_better else -1) * pearson_log(sign * number, yardstick.number)
+    return sign * (1 if measure.higher_is_better else -1) * pearson_log(sign * number, measure.number)

@@ -18,7 +18,7 @@ from scenes import Scene
 from validate.acquire.acquire import Acquired
 from validate.bank.design import ViewBank
 from validate.bank.judge import appearance_of, predictions
-from validate.bank.leaderboard import CountVerdict, single_frame_terms, yardsticks
+from validate.bank.leaderboard import CountVerdict, measures, single_frame_terms
 from validate.bank.measured import BankData
 from validate.bank.predicted import Contender
 from validate.prediction.weights import scaled
@@ -45,12 +45,12 @@ def variants(scene: Scene, tests: Sequence[VisibilityTest]) -> list[tuple[Row, C
             scaled = noise_model(name, switched_off=off_in_file, ccd_noise=dark, px2_per_m2=scale * times)
             darker = noise_model(name, switched_off=off_in_file, ccd_noise=dark * times, px2_per_m2=scale)
             for constant, model in (("px2_per_m2", scaled), ("ccd_noise", darker)):
-                row: Row = {"noise_model": name, "varied": constant, "times": times}
+                row: Row = {"noise_model": name, "varied": constant, "multiplier": times}
                 found.append((row, Contender(f"{name}, {constant} × {times:g}", model, tuple(tests))))
         for kept in FACTORS:
             off = [factor for factor in FACTORS if factor != kept]
             model = noise_model(name, switched_off=off, ccd_noise=dark, px2_per_m2=scale)
-            row = {"noise_model": name, "varied": f"{kept} alone", "times": 1.0}
+            row = {"noise_model": name, "varied": f"{kept} alone", "multiplier": 1.0}
             found.append((row, Contender(f"{name}, {kept} alone", model, tuple(tests))))
     return found
 
@@ -93,17 +93,17 @@ def scale_rows(
     for model in models:
         for fitted, times in (*(("no", times) for times in SCALES), ("yes", scales[model.name])):
             label = f"{model.name} × {times!r}"
-            row: Row = {"noise_model": model.name, "times": times, "fitted": fitted}
+            row: Row = {"noise_model": model.name, "multiplier": times, "fitted": fitted}
             named.append((row, Contender(label, scaled(model, times, label), bank.scene.visibility)))
     contenders = [contender for _, contender in named]
     found_by_all = predictions(bank, contenders, verdict.configurations, appearance_of(bank.scene, acquired))
     own = dataclasses.replace(verdict, predicted=found_by_all)
-    (measured,) = (y for y in yardsticks(verdict.measured) if y.name == "measured_pss_filter")
+    (measured,) = (y for y in measures(verdict.measured) if y.name == "measured_pss_filter")
     return [
         {
             "cameras": verdict.cameras,
             "metric": "pss",
-            "yardstick": measured.name,
+            "measure": measured.name,
             **row,
             **with_interval(
                 "spearman", judge_against(own.terms(contender.name, "pss"), measured.values, verdict.chance)

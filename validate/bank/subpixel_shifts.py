@@ -56,7 +56,7 @@ def joined(camera: PTZCamera, seen_by: Sequence[PTZCamera], measured: Sequence[V
     return ViewMeasurement(
         np.concatenate(pixels)[order],
         np.concatenate([part.covariance for part in measured])[order],
-        sum(part.strangers for part in measured),
+        sum(part.unexpected_ids for part in measured),
         sum(part.seconds for part in measured),
     )
 

@@ -297,7 +297,7 @@ def _show(tables: dict[str, list[Row]], calibration: Calibration, console: Conso
     board = [
         row
         for row in tables["leaderboard"]
-        if row["cameras"] == HEADLINE and row["yardstick"] == "measured_pss_single_frame"
+        if row["cameras"] == HEADLINE and row["measure"] == "measured_pss_single_frame"
     ]
     board.sort(key=lambda row: -float(str(row["spearman"])) if row["spearman"] == row["spearman"] else 2)
     table = Table(title=f"Ranking {board[0]['n']} held-out configurations of {HEADLINE} cameras by measured PSS")

@@ -260,13 +260,13 @@ def _show(tables: dict[str, list[Row]], console: Console) -> None:
             table.add_row(str(row["strategy"]), str(row["kind"]), str(row["noise_model"]), rho, ratio)
     console.print(table)
     table = Table(title="The paper's claims")
-    for name in ("claim", "side", "kind", "holds", "figure", "at"):
+    for name in ("claim", "side", "kind", "holds", "statistic", "where"):
         table.add_column(name)
     for row in tables["claims"]:
         if row["noise_model"] in ("", "corrected", FULL_MODEL):
             side = str(row["side"]) if not row["noise_model"] else f"{row['side']}, {row['noise_model']}"
             figure = f"{row['value']:.3g} [{row['ci_low']:.3g}, {row['ci_high']:.3g}]"
-            table.add_row(str(row["claim"]), side, str(row["kind"]), str(row["holds"]), figure, str(row["at"]))
+            table.add_row(str(row["claim"]), side, str(row["kind"]), str(row["holds"]), figure, str(row["where"]))
     console.print(table)
 
 

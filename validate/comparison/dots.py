@@ -14,7 +14,7 @@ from pss.hints import ReadOnlyRow
 from validate.comparison.axes import side_style
 from validate.pages.empty_rows import NO_ORDER, Sign, empty_row_words
 from validate.pages.figure import Choice, Columns, Figure, plain, ref
-from validate.pages.quality import METRIC_NAMES, YARDSTICK_NAMES
+from validate.pages.quality import MEASURE_NAMES, METRIC_NAMES
 from validate.pages.style import GREY, LOG_AXIS, layout
 
 __all__ = ["Dots", "dots_figure"]
@@ -31,12 +31,12 @@ FIRST = ("measured_pss_single_frame", "physical", "both", "none", "measured PSS,
 COLUMN_NAMES = {
     "sweep": "Sweep",
     "cameras": "Cameras",
-    "yardstick": "Yardstick",
+    "measure": "Measure",
     "noise_model": "Noise model",
     "kind": "Kind",
     "avatar": "Person",
     "zoom_limit": "Zoom limit",
-    "figure": "Quantity",
+    "statistic": "Quantity",
     "metric": "Metric",
     "strategy": "Strategy",
 }
@@ -151,7 +151,7 @@ def _choice(key: str, rows: Sequence[ReadOnlyRow]) -> Choice:
     return Choice(
         f"by_{key}",
         COLUMN_NAMES.get(key, key),
-        tuple((value, YARDSTICK_NAMES.get(value, value) or "none") for value in values),
+        tuple((value, MEASURE_NAMES.get(value, value) or "none") for value in values),
         first or (values[0] if values else ""),
     )
 

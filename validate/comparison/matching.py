@@ -41,8 +41,8 @@ class Quantity:
 
 
 STEP = ("avatar", "zoom_limit", "strategy", "step", "sweep", "parameter", "value")
-JUDGED = ("avatar", "sweep", "level", "cameras", "yardstick", "metric", "noise_model")
-OF_PSS = {"level": ("configuration",), "metric": ("pss-single-frame",), "yardstick": ("measured_pss_single_frame",)}
+JUDGED = ("avatar", "sweep", "level", "cameras", "measure", "metric", "noise_model")
+OF_PSS = {"level": ("configuration",), "metric": ("pss-single-frame",), "measure": ("measured_pss_single_frame",)}
 
 QUANTITIES: dict[str, tuple[Quantity, ...]] = {
     # What is measured is the same for every noise model.
@@ -65,7 +65,7 @@ QUANTITIES: dict[str, tuple[Quantity, ...]] = {
     "leaderboard": (
         Quantity(
             "leaderboard", "spearman", "spearman_ci_low", "spearman_ci_high", JUDGED, False,
-            {"yardstick": ("measured_pss_single_frame",), "metric": ("pss-single-frame",)},
+            {"measure": ("measured_pss_single_frame",), "metric": ("pss-single-frame",)},
         ),
         Quantity("leaderboard", "regret_of_20_mean", "", "", JUDGED, False, {"metric": ("pss-single-frame",)}),
     ),
@@ -78,7 +78,7 @@ QUANTITIES: dict[str, tuple[Quantity, ...]] = {
     ),
     "strategies": (
         Quantity(
-            "strategies", "value", "ci_low", "ci_high", ("avatar", "zoom_limit", "figure", "noise_model", "strategy"),
+            "strategies", "value", "ci_low", "ci_high", ("avatar", "zoom_limit", "statistic", "noise_model", "strategy"),
             True, {"avatar": ("both",), "zoom_limit": ("none",)},
         ),
     ),

@@ -26,7 +26,7 @@ OF_PREDICTIONS = {"noise_model", "metric"}
 
 @dataclass(frozen=True)
 class Pair:
-    """A measured quantity and its prediction: columns of configurations.csv, and `figure`s of strategies.csv."""
+    """A measured quantity and its prediction: columns of configurations.csv, and `statistic`s of strategies.csv."""
 
     name: str
     words: str
@@ -123,7 +123,7 @@ def _strategies(sides: Sequence[Side]) -> list[Group]:
             continue
         for pair in PAIRS:
             for side, column in (("measured", pair.measured), ("predicted", pair.predicted)):
-                if pair.of_strategies and row.get("figure") == f"{side} {pair.of_strategies}":
+                if pair.of_strategies and row.get("statistic") == f"{side} {pair.of_strategies}":
                     rows.append((pair, column, {**row, "parameter": "strategy"}))
     return _grouped(sides, rows, lambda row: "strategies", lambda row: str(row.get("strategy", "")))
 

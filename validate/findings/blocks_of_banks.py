@@ -35,7 +35,7 @@ def _ranks(reference: Path) -> str:
 def _neutral(reference: Path) -> str:
     """By every measure in every place: ρ of calibrated single-frame PSS (ρ less that of its count)."""
     places = places_of_reference(reference)
-    names = dict.fromkeys(row["yardstick"] for place in places for row in _of_four(place))
+    names = dict.fromkeys(row["measure"] for place in places for row in _of_four(place))
     rows = []
     for name in sorted((name for name in names if name != FILTER), key=_order):
         found = [place.ranked(CALIBRATED, "pss-single-frame", name) for place in places]
@@ -57,19 +57,19 @@ def _models(places: Sequence[Place]) -> list[str]:
     return [contender.name for contender in contenders_in(model for place in places for model in place.models)]
 
 
-def _order(yardstick: str) -> tuple[int, float]:
+def _order(measure: str) -> tuple[int, float]:
     """Measured PSS first, then shares by their threshold, then the median."""
-    return (0, 0.0) if yardstick == SINGLE_FRAME else (1, _millimetres(yardstick)) if "share" in yardstick else (2, 0.0)
+    return (0, 0.0) if measure == SINGLE_FRAME else (1, _millimetres(measure)) if "share" in measure else (2, 0.0)
 
 
-def _millimetres(yardstick: str) -> float:
-    return float(yardstick.removeprefix("share_under_").removesuffix("mm"))
+def _millimetres(measure: str) -> float:
+    return float(measure.removeprefix("share_under_").removesuffix("mm"))
 
 
-def _words(yardstick: str) -> str:
-    if yardstick.startswith("share_under_"):
-        return f"within {_millimetres(yardstick):g} mm"
-    return {SINGLE_FRAME: "measured PSS", "median_rms_m": "median RMS"}.get(yardstick, yardstick)
+def _words(measure: str) -> str:
+    if measure.startswith("share_under_"):
+        return f"within {_millimetres(measure):g} mm"
+    return {SINGLE_FRAME: "measured PSS", "median_rms_m": "median RMS"}.get(measure, measure)
 
 
 def _under(reference: Path) -> str:
@@ -78,7 +78,7 @@ def _under(reference: Path) -> str:
     row = room.ranked("calibrated", "pss-single-frame", "share_under_5mm")
     if row is None:
         return f"ρ = {NOTHING}"
-    orders = [each for each in _of_four(room, yardstick="share_under_5mm") if each["spearman"] and not _is_twin(each)]
+    orders = [each for each in _of_four(room, measure="share_under_5mm") if each["spearman"] and not _is_twin(each)]
     rank = f"{row['rank']} [{row['rank_ci_low']}, {row['rank_ci_high']}]"
     return f"ρ = {number(row, 'spearman')} and the rank {rank} of {len(orders)}"
 
@@ -90,14 +90,14 @@ def _tied(reference: Path) -> str:
     if own is None:
         return NOTHING
     low, high = float(own["rank_ci_low"]), float(own["rank_ci_high"])
-    board = _of_four(room, yardstick=SINGLE_FRAME)
+    board = _of_four(room, measure=SINGLE_FRAME)
     rows = [row for row in board if row is not own and row["rank_ci_low"] and row["spearman"] and not _is_twin(row)]
     return str(sum(float(row["rank_ci_low"]) <= high and low <= float(row["rank_ci_high"]) for row in rows))
 
 
 def _is_twin(row: CsvRow) -> bool:
     """Whether another pair orders the configurations the same way."""
-    return bool(row.get("twin_of"))
+    return bool(row.get("equivalent_to"))
 
 
 def _missed(reference: Path) -> str:

@@ -72,7 +72,7 @@ def _claims(reference: Path) -> str:
 
 def _place(row: CsvRow) -> str:
     """The zoom limit; not where a figure is highest."""
-    return row["at"] if row["at"].startswith(("zoom limit", "x")) else ""
+    return row["where"] if row["where"].startswith(("zoom limit", "x")) else ""
 
 
 def _cell(rows: list[CsvRow], side: str, model: str) -> str:
@@ -92,7 +92,7 @@ def _walk(reference: Path) -> str:
     tables = _tables(reference)
     if "walk_consistency" not in tables:
         return "the real walk has not been rendered"
-    (whole,) = all_of(tables["walk_consistency"], group="both", least_views="0")
+    (whole,) = all_of(tables["walk_consistency"], group="both", min_views="0")
     return f"NEES/3 is {number(whole, 'posterior_nees_per_dof')} after an update"
 
 

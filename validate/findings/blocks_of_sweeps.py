@@ -49,7 +49,7 @@ def _ranks(reference: Path) -> str:
         best = one_of(tables["optima"], sweep=sweep, side="measured", kind="single frame")["optimum"]
         for model in MODELS:
             of_model = all_of(tables["correlation"], sweep=sweep, noise_model=model, level="configuration")
-            frame = one_of(of_model, metric="pss-single-frame", yardstick=FRAME)
+            frame = one_of(of_model, metric="pss-single-frame", measure=FRAME)
             predicted = one_of(tables["optima"], sweep=sweep, side="predicted", noise_model=model, kind="single frame")
             rows.append(
                 (
@@ -58,8 +58,8 @@ def _ranks(reference: Path) -> str:
                     number(frame, "spearman"),
                     f"{predicted['optimum']} ({best})",
                     f"{percent(frame['regret'])} ({percent(frame['oracle_regret'])})",
-                    number(one_of(of_model, metric="pss", yardstick=FILTER), "spearman"),
-                    number(one_of(of_model, metric="visible-share", yardstick=FILTER), "spearman"),
+                    number(one_of(of_model, metric="pss", measure=FILTER), "spearman"),
+                    number(one_of(of_model, metric="visible-share", measure=FILTER), "spearman"),
                 )
             )
     heads = ("sweep", "R", "single frame: ρ", "optimum predicted (measured)", "regret (oracle's)", "σ∞: ρ",

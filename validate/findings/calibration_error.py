@@ -134,7 +134,7 @@ def _row(rows: Sequence[CsvRow], size: tuple[float, ...], population: tuple[str,
 
 
 def _extremes(row: CsvRow, name: str) -> str:
-    return " to ".join(f"{float(row[f'spearman_{name}_{end}']):.2f}" for end in ("least", "most"))
+    return " to ".join(f"{float(row[f'spearman_{name}_{end}']):.2f}" for end in ("min", "max"))
 
 
 def _rho(row: CsvRow, name: str) -> str:

@@ -152,7 +152,7 @@ def _regret(places: Sequence[Place]) -> Drawing | None:
         return mark_of(place.ranked(model.name), "regret_of_20_mean", model, PERCENT)
 
     def oracle(place: Place) -> CsvRow | None:
-        rows = all_of(place.rows("leaderboard"), cameras=HEADLINE, yardstick=SINGLE_FRAME, metric="pss-single-frame")
+        rows = all_of(place.rows("leaderboard"), cameras=HEADLINE, measure=SINGLE_FRAME, metric="pss-single-frame")
         return rows[0] if rows else None
 
     extra = {"oracle": oracle}

@@ -25,7 +25,7 @@ MODELS = (
     "calibrated, limits",
     "calibrated",
 )
-# Yardsticks that sentences are made of; the table has them all.
+# Measures that sentences are made of; the table has them all.
 STATED = (
     "measured PSS, filter",
     "measured PSS, filter, q ≈ c",
@@ -114,7 +114,7 @@ def _process(rows: Sequence[CsvRow]) -> str:
             ", headline"
             if row["headline"] == "yes"
             else ", the schedule's own"
-            if row["schedules_own"] == "yes"
+            if row["is_schedule_process"] == "yes"
             else ""
         )
         ratios = [
@@ -125,7 +125,7 @@ def _process(rows: Sequence[CsvRow]) -> str:
             _line(
                 [
                     f"{float(row['q_over_c']):,.4g}{mark}",
-                    f"{float(row['alike_frame_rate_hz']):,.0f}",
+                    f"{float(row['equivalent_frame_rate_hz']):,.0f}",
                     *(number(row, name) for name in ("spearman", "visible_share_spearman", "minus_visible_share")),
                     _two(row["triangulated_share_spearman"]),
                     *ratios,
@@ -162,8 +162,8 @@ def _claims(rows: Sequence[CsvRow]) -> str:
                 cells.append("")
                 continue
             row = found[0]
-            figure = row["figure"]
-            places.append(row["at"].removeprefix("highest at ").replace("-", "−"))
+            figure = row["statistic"]
+            places.append(row["where"].removeprefix("highest at ").replace("-", "−"))
             cells.append(
                 f"{row['holds']}: {with_range(row['value'], row['ci_low'], row['ci_high'])}{_factors(row)}"
                 if row["value"]
@@ -191,18 +191,20 @@ def _factors(row: CsvRow) -> str:
 
 def _place(row: CsvRow) -> str:
     """What tells two rows of one claim apart: the zoom limit, and not where the figure was found."""
-    return row["at"] if row["at"].startswith(("zoom limit", "x")) else row["figure"] if not row["at"] else ""
+    return (
+        row["where"] if row["where"].startswith(("zoom limit", "x")) else row["statistic"] if not row["where"] else ""
+    )
 
 
 def _strategies(tables: Tables) -> str:
-    """Ranks by prediction and by every yardstick, without a zoom limit."""
+    """Ranks by prediction and by every measure, without a zoom limit."""
     rows = all_of(tables["strategies"], avatar="both", zoom_limit="none")
     names = list(dict.fromkeys(row["strategy"] for row in rows))
     lines = [_line(["rank by", *names]), "|" + "---|" * (len(names) + 1)]
-    for model, figure in dict.fromkeys((row["noise_model"], row["figure"]) for row in rows):
+    for model, figure in dict.fromkeys((row["noise_model"], row["statistic"]) for row in rows):
         if model not in ("", "corrected", "calibrated"):
             continue
-        of_figure = {row["strategy"]: row for row in all_of(rows, noise_model=model, figure=figure)}
+        of_figure = {row["strategy"]: row for row in all_of(rows, noise_model=model, statistic=figure)}
         cells = [
             f"{float(row['rank']):g} [{float(row['rank_ci_low']):g}, {float(row['rank_ci_high']):g}]"
             for row in (of_figure[name] for name in names)
@@ -211,12 +213,12 @@ def _strategies(tables: Tables) -> str:
     ranking = [
         row
         for row in all_of(tables["ranking"], avatar="both", zoom_limit="none", noise_model="calibrated")
-        if row["yardstick"] in STATED
+        if row["measure"] in STATED
     ]
     choices = [
         [
             row["kind"],
-            row["yardstick"],
+            row["measure"],
             number(row, "spearman"),
             row["chosen"],
             row["best"],
@@ -234,11 +236,11 @@ def _strategies(tables: Tables) -> str:
 
 def _real_walk(consistency: Sequence[CsvRow], misfit: Sequence[CsvRow], frames: Sequence[CsvRow]) -> str:
     heads = ["markers", "tracked", "NEES/3 before an update (of the process)", "after", "within 95 %, after",
-             "RMS after: measured", "believed", "lost", "density of acceleration"]  # fmt: skip
+             "RMS after: measured", "claimed", "lost", "density of acceleration"]  # fmt: skip
     lines = [_line(heads), "|" + "---|" * len(heads)]
-    for row in all_of(consistency, least_views="2"):
+    for row in all_of(consistency, min_views="2"):
         density = one_of(misfit, group=row["group"])["density_m2_s3"]
-        errors = (_millimetres(row[f"posterior_{name}"]) for name in ("rms_m", "believed_rms_m"))
+        errors = (_millimetres(row[f"posterior_{name}"]) for name in ("rms_m", "claimed_rms_m"))
         lines.append(
             _line(
                 [
@@ -248,12 +250,12 @@ def _real_walk(consistency: Sequence[CsvRow], misfit: Sequence[CsvRow], frames: 
                     number(row, "posterior_nees_per_dof"),
                     f"{100 * float(row['posterior_coverage_95'] or 'nan'):.0f} %",
                     *errors,
-                    f"{row['losses']} ({row['found_again']} found again)",
+                    f"{row['track_losses']} ({row['reacquired']} found again)",
                     f"{float(density):.2g} m²/s³",
                 ]
             )
         )
-    (whole,) = all_of(consistency, group="both", least_views="0")
+    (whole,) = all_of(consistency, group="both", min_views="0")
     of_both = all_of(frames, avatar="both")
     medians = {name: _median([row[f"{name}_median_m"] for row in of_both]) for name in ("measured", "predicted")}
     found, foreseen = (_millimetres(str(medians[name])) for name in ("measured", "predicted"))

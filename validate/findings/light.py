@@ -21,7 +21,7 @@ def light_findings(banks: Mapping[str, Tables]) -> str:
             row = one_of(
                 tables["leaderboard"],
                 cameras="4",
-                yardstick="measured_pss_single_frame",
+                measure="measured_pss_single_frame",
                 metric="pss-single-frame",
                 noise_model=name,
             )

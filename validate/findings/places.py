@@ -18,7 +18,7 @@ SINGLE_FRAME, FILTER = "measured_pss_single_frame", "measured_pss_filter"
 # The two counts that a prediction of errors must do better than: of the cameras that see a point, at most three, and of
 # the points that two cameras see.
 COUNT, SHARE = "visibility-count", "visible-share"
-_OF_YARDSTICK = {SINGLE_FRAME: "pss-single-frame", FILTER: "pss"}
+_OF_MEASURE = {SINGLE_FRAME: "pss-single-frame", FILTER: "pss"}
 # What a scene's tables end in, behind the scene's name and a hyphen.
 _NAMES = ("leaderboard", "ceiling", "consistency", "detection", "parts", "sensitivity", "blunders", "process")
 _NAMES += ("reliability", "size", "differences", "scale")
@@ -61,17 +61,17 @@ class Place:
         return self.tables.get(table, ())
 
     def ranked(
-        self, model: str, metric: str = "", yardstick: str = SINGLE_FRAME, cameras: str = HEADLINE
+        self, model: str, metric: str = "", measure: str = SINGLE_FRAME, cameras: str = HEADLINE
     ) -> CsvRow | None:
-        """The leaderboard's row of a metric under a noise model (default: the PSS that goes with the yardstick)."""
-        name = metric or _OF_YARDSTICK.get(yardstick, "pss-single-frame")
-        wanted = {"cameras": cameras, "yardstick": yardstick, "metric": name, "noise_model": model}
+        """The leaderboard's row of a metric under a noise model (default: the PSS that goes with the measure)."""
+        name = metric or _OF_MEASURE.get(measure, "pss-single-frame")
+        wanted = {"cameras": cameras, "measure": measure, "metric": name, "noise_model": model}
         return first_of(self.rows("leaderboard"), **wanted)
 
-    def less(self, model: str, base: str, yardstick: str = SINGLE_FRAME) -> CsvRow | None:
+    def less(self, model: str, base: str, measure: str = SINGLE_FRAME) -> CsvRow | None:
         """The row of the paired difference of ρ of the PSS that goes with the measure, by `model` less by `base`."""
-        wanted = {"cameras": HEADLINE, "yardstick": yardstick, "metric": _OF_YARDSTICK[yardstick]}
-        return first_of(self.rows("differences"), **wanted, noise_model=model, minus=base)
+        wanted = {"cameras": HEADLINE, "measure": measure, "metric": _OF_MEASURE[measure]}
+        return first_of(self.rows("differences"), **wanted, noise_model=model, baseline=base)
 
     def sized(self, model: str, level: str = "single frame") -> CsvRow | None:
         """The row of the table of consistency."""
@@ -86,7 +86,7 @@ class Place:
     @property
     def models(self) -> list[str]:
         """The contenders that the leaderboard has, in its order."""
-        rows = all_of(self.rows("leaderboard"), cameras=HEADLINE, yardstick=SINGLE_FRAME)
+        rows = all_of(self.rows("leaderboard"), cameras=HEADLINE, measure=SINGLE_FRAME)
         return list(dict.fromkeys(row["noise_model"] for row in rows))
 
 
@@ -109,7 +109,7 @@ def places_of_reference(reference: Path) -> list[Place]:
         title, population, renders = _BANKS.get(name, (name.removeprefix("bank-"), "the scene's", 0))
         folder = reference / name
         weights = _weights(folder / "calibrated.toml")
-        commits = {row["what"]: row["commit"] for row in read_tables(folder).get("commits", ())}
+        commits = {row["event"]: row["commit"] for row in read_tables(folder).get("commits", ())}
         for place in places_of_bank(read_tables(folder), title, population):
             own_light = name not in _OTHER_LIGHTS
             found.append(Place(place.title, place.population, place.tables, weights, commits, own_light, renders))

@@ -45,11 +45,11 @@ def difference_table(places: Sequence[Place]) -> str:
     """Paired differences of ρ: to other R with the same metric, and to the count of what the contender sees."""
     rows = []
     models = _models(places)
-    bases = list(dict.fromkeys(row["minus"] for place in places for row in place.rows("differences")))
+    bases = list(dict.fromkeys(row["baseline"] for place in places for row in place.rows("differences")))
     for model in models:
         for base in bases:
-            for kind, yardstick in ((FRAME, SINGLE_FRAME), (SCENES, FILTER)):
-                less = [place.less(model, base, yardstick) for place in places]
+            for kind, measure in ((FRAME, SINGLE_FRAME), (SCENES, FILTER)):
+                less = [place.less(model, base, measure) for place in places]
                 cells = [_difference(row) for row in less]
                 rows.append([model, kind, base, *cells])
         for kind in KINDS:
@@ -79,25 +79,25 @@ def regret_table(places: Sequence[Place]) -> str:
 
 
 def neutral_table(place: Place) -> str:
-    """ρ and rank of every pair of metric and contender by every yardstick, in a place, best by the first on top."""
+    """ρ and rank of every pair of metric and contender by every measure, in a place, best by the first on top."""
     board = all_of(place.rows("leaderboard"), cameras=HEADLINE)
-    yardsticks = list(dict.fromkeys(row["yardstick"] for row in board))
+    measures = list(dict.fromkeys(row["measure"] for row in board))
     order = {SINGLE_FRAME: 0, FILTER: 2}
-    yardsticks.sort(key=lambda name: (order.get(name, 1), _threshold_mm(name)))
+    measures.sort(key=lambda name: (order.get(name, 1), _threshold_mm(name)))
     by_pair: dict[tuple[str, str], dict[str, CsvRow]] = {}
     twins: dict[str, dict[str, None]] = {}
     for row in board:
-        if twin := row.get("twin_of"):
+        if twin := row.get("equivalent_to"):
             twins.setdefault(twin, {})[_named(row["metric"], row["noise_model"])] = None
             continue
-        by_pair.setdefault((row["metric"], row["noise_model"]), {})[row["yardstick"]] = row
+        by_pair.setdefault((row["metric"], row["noise_model"]), {})[row["measure"]] = row
     ranked = [pair for pair, rows in by_pair.items() if any(row.get("spearman") for row in rows.values())]
     ranked.sort(key=lambda pair: -_or_lowest(value_of(by_pair[pair].get(SINGLE_FRAME), "spearman")))
     rows = []
     for pair in ranked:
         same = ", ".join(twins.get(_named(*pair), ()))
-        rows.append([*pair, *(_with_rank(by_pair[pair].get(name)) for name in yardsticks), same])
-    table = markdown_table(["metric", "R", *map(_words, yardsticks), "the same order"], rows)
+        rows.append([*pair, *(_with_rank(by_pair[pair].get(name)) for name in measures), same])
+    table = markdown_table(["metric", "R", *map(_words, measures), "the same order"], rows)
     without = [pair for pair in by_pair if pair not in ranked]
     named = [name for pair in without for own in [_named(*pair)] for name in (own, *twins.get(own, ()))]
     return table + f"\n\nThe same for all configurations, so that they order none: {', '.join(named)}." * bool(named)
@@ -107,16 +107,16 @@ def _named(metric: str, model: str) -> str:
     return f"{metric} ({model})"
 
 
-def _threshold_mm(yardstick: str) -> float:
+def _threshold_mm(measure: str) -> float:
     try:
-        return float(yardstick.removeprefix("share_under_").removesuffix("mm"))
+        return float(measure.removeprefix("share_under_").removesuffix("mm"))
     except ValueError:
         return float("inf")
 
 
-def _words(yardstick: str) -> str:
+def _words(measure: str) -> str:
     words = {SINGLE_FRAME: "measured PSS, single frame", FILTER: "measured PSS, filter", "median_rms_m": "median RMS"}
-    return words.get(yardstick, yardstick.replace("_", " ").replace("mm", " mm"))
+    return words.get(measure, measure.replace("_", " ").replace("mm", " mm"))
 
 
 def _with_rank(row: CsvRow | None) -> str:

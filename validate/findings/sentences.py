@@ -62,7 +62,7 @@ BROKEN_BY = {
     "each frame": ("over calibrations", "drawn anew each frame, "),
     "frozen": ("within one calibration", "frozen as after a move to a preset, "),
 }
-LEAST = "spearman_plain_least"
+LEAST = "spearman_plain_min"
 # Factors of a calibration that are not the paper's.
 OWN_FACTORS = ("brightness-contrast", "floor")
 
@@ -193,17 +193,17 @@ def _ranking(places: Sequence[Place]) -> Sentence | None:
     return Sentence(claim, " ".join(filter(None, numbers)), _own(there, places))
 
 
-def decided(places: Sequence[Place], yardstick: str) -> tuple[list[Place], list[Place], list[Place]]:
+def decided(places: Sequence[Place], measure: str) -> tuple[list[Place], list[Place], list[Place]]:
     """The places with a difference to the count by this measure, those where the count is better, and where PSS is."""
-    found = [(place, bounds(neutral_row(place, yardstick), LESS_COUNT)) for place in places]
+    found = [(place, bounds(neutral_row(place, measure), LESS_COUNT)) for place in places]
     known = [(place, ends) for place, ends in found if not math.isnan(ends[1])]
     count, pss = ([place for place, ends in known if test(ends)] for test in (_below_zero, _above_zero))
     return [place for place, _ in known], count, pss
 
 
-def neutral_row(place: Place, yardstick: str) -> CsvRow | None:
+def neutral_row(place: Place, measure: str) -> CsvRow | None:
     """The leaderboard's row of calibrated single-frame PSS by a measure."""
-    return place.ranked(CALIBRATED, "pss-single-frame", yardstick)
+    return place.ranked(CALIBRATED, "pss-single-frame", measure)
 
 
 def _below_zero(ends: tuple[float, float, float]) -> bool:

@@ -115,14 +115,16 @@ def sensitivity_table(places: Sequence[Place]) -> str:
     """ρ with an open constant of the paper ten times smaller or larger, and with one factor alone."""
     keys = list(
         dict.fromkeys(
-            (row["noise_model"], row["varied"], row.get("times", ""))
+            (row["noise_model"], row["varied"], row.get("multiplier", ""))
             for place in places
             for row in place.rows("sensitivity")
         )
     )
     rows = []
     for model, varied, times in keys:
-        found = [first_of(place.rows("sensitivity"), noise_model=model, varied=varied, times=times) for place in places]
+        found = [
+            first_of(place.rows("sensitivity"), noise_model=model, varied=varied, multiplier=times) for place in places
+        ]
         what = varied if varied.endswith("alone") else f"{varied} × {times}"
         rows.append([model, what, *(number(row, "spearman") for row in found)])
     return markdown_table(["R", "varied", *(place.title for place in places)], rows)
@@ -130,10 +132,10 @@ def sensitivity_table(places: Sequence[Place]) -> str:
 
 def scale_table(places: Sequence[Place]) -> str:
     """ρ of σ∞ by the unit of R: the model times a number, and times the one that fits the training views."""
-    keys = dict.fromkeys((row["noise_model"], row["times"]) for place in places for row in place.rows("scale"))
+    keys = dict.fromkeys((row["noise_model"], row["multiplier"]) for place in places for row in place.rows("scale"))
     rows = []
     for model, times in keys:
-        found = [first_of(place.rows("scale"), noise_model=model, times=times) for place in places]
+        found = [first_of(place.rows("scale"), noise_model=model, multiplier=times) for place in places]
         fitted = any(row and row.get("fitted") == "yes" for row in found)
         words = f"× {in_powers(float(times), 3)}" + " (fitted)" * fitted
         rows.append([model, words, *(number(row, "spearman") for row in found)])

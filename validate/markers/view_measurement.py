@@ -58,13 +58,13 @@ class ViewMeasurement:
     Attributes:
         pixels: px, OpenCV's, (T, N, 2); nan where a marker was not found or not localised.
         covariance: px², each detection's own, (T, N, 2, 2); nan likewise.
-        strangers: detections of markers that the scene does not have.
+        unexpected_ids: detections of markers that the scene does not have.
         seconds: s, spent on captures, search and localisation.
     """
 
     pixels: Floats
     covariance: Floats
-    strangers: int
+    unexpected_ids: int
     seconds: float
 
     @property
@@ -111,20 +111,20 @@ def measure_capture(
     marker_ids: tuple[int, ...],
     sensor: ImageSensor,
 ) -> tuple[Floats, Floats, int]:
-    """Find and localise markers in one capture: pixels (N, 2), covariance (N, 2, 2), and the number of strangers."""
+    """Find and localise markers in one capture: pixels (N, 2), covariance (N, 2, 2), number of unexpected ids."""
     pixels = np.full((len(marker_ids), 2), np.nan)
     covariance = np.full((len(marker_ids), 2, 2), np.nan)
     index = {marker: number for number, marker in enumerate(marker_ids)}
     found = find_markers(capture_dn, dictionary)
-    strangers = 0
+    unexpected_ids = 0
     for marker, corners in zip(found.ids.tolist(), found.corners_px, strict=True):
         if marker not in index:
-            strangers += 1
+            unexpected_ids += 1
             continue
         localised = localise(capture_dn, corners, marker, dictionary, sensor)
         if localised is not None:
             pixels[index[marker]], covariance[index[marker]] = localised.centre_px, localised.covariance_px2
-    return pixels, covariance, strangers
+    return pixels, covariance, unexpected_ids
 
 
 def measure(task: MeasureTask) -> Path:
@@ -144,14 +144,14 @@ def measure(task: MeasureTask) -> Path:
         rng = random_stream(task.seed, content_of(task.view_key), "capture", trial)
         numbers = capture(electrons, view.sensor, rng, pattern)
         trials.append(measure_capture(numbers, task.dictionary, task.marker_ids, view.sensor))
-    pixels, covariances, strangers = zip(*trials, strict=True)
+    pixels, covariances, unexpected_ids = zip(*trials, strict=True)
     seconds = time.perf_counter() - begin
     store.save(
         task.path,
         {
             "pixels": np.array(pixels),
             "covariance": np.array(covariances),
-            "strangers": np.array(sum(strangers)),
+            "strangers": np.array(sum(unexpected_ids)),
             "seconds": np.array(seconds),
         },
         task.code,
@@ -175,7 +175,7 @@ def _check(arrays: Mapping[str, NDArray[np.generic]], task: MeasureTask) -> None
     if (known != np.isfinite(arrays["covariance"]).all(axis=(-2, -1))).any():
         raise ValueError("detections and covariances do not fit each other")
     if not (np.isfinite(arrays["seconds"]) and arrays["strangers"] >= 0):
-        raise ValueError("its seconds or its number of strangers are none")
+        raise ValueError("its seconds or its number of unexpected ids are none")
 
 
 def load_measurement(task: MeasureTask) -> ViewMeasurement | None:

@@ -46,7 +46,7 @@ class Kind:
     name: str
     words: str
     metric: str
-    yardstick: str
+    measure: str
     pss: str
     measured_pss: str
     sigma: str
@@ -203,7 +203,7 @@ class SweepTable:
     def correlation_of(self, model: str, kind: Kind) -> CsvRow | None:
         """The row of a noise model's PSS with the measured PSS of the same kind, over the steps."""
         found = all_of(
-            self.correlation, metric=kind.metric, noise_model=model, level="configuration", yardstick=kind.yardstick
+            self.correlation, metric=kind.metric, noise_model=model, level="configuration", measure=kind.measure
         )
         return found[0] if found else None
 

@@ -12,7 +12,7 @@ from validate.pages.style import GREY
 
 __all__ = ["NO_ORDER", "Sign", "empty_row_words"]
 
-NO_ORDER = "undefined: the metric or the yardstick is equal at every step"
+NO_ORDER = "undefined: the metric or the measure is equal at every step"
 """Why a row has no rank correlation."""
 SMALL_PX, SMALLEST_PX = 11, 9
 

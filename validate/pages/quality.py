@@ -28,7 +28,7 @@ METRIC_NAMES = {
     "worst-sigma": "worst σ∞ (∞-norm)",
     "visible-share": "share of points in two views",
 }
-YARDSTICK_NAMES = {
+MEASURE_NAMES = {
     "measured_pss_single_frame": "measured PSS, single frame",
     "measured_pss_filter": "measured PSS, filter",
     **{f"share_under_{mm:g}mm": f"share of errors under {mm:g} mm" for mm in SHARES_UNDER_MM},
@@ -39,10 +39,10 @@ YARDSTICK_NAMES = {
 
 
 def leaderboard_figure(table: SweepTable) -> Figure:
-    """Spearman's ρ of each metric and noise model with a yardstick, with its interval."""
+    """Spearman's ρ of each metric and noise model with a measure, with its interval."""
     columns: Columns = {}
     signs: dict[str, list[Sign]] = {}
-    yardsticks = list(dict.fromkeys(row["yardstick"] for row in table.correlation))
+    measures = list(dict.fromkeys(row["measure"] for row in table.correlation))
     traces: list[dict[str, Any]] = []
     for number, model in enumerate(table.models):
         colour, symbol, _ = model_style(number)
@@ -52,14 +52,14 @@ def leaderboard_figure(table: SweepTable) -> Figure:
                 "type": "scatter",
                 "mode": "markers",
                 "name": model,
-                "x": ref("rho|{yardstick}|" + model),
-                "y": ref("row|{yardstick}|" + model),
-                "customdata": ref("more|{yardstick}|" + model),
+                "x": ref("rho|{measure}|" + model),
+                "y": ref("row|{measure}|" + model),
+                "customdata": ref("more|{measure}|" + model),
                 "error_x": {
                     "type": "data",
                     "symmetric": False,
-                    "array": ref("above|{yardstick}|" + model),
-                    "arrayminus": ref("below|{yardstick}|" + model),
+                    "array": ref("above|{measure}|" + model),
+                    "arrayminus": ref("below|{measure}|" + model),
                     "color": colour,
                     "thickness": 2,
                     "width": 4,
@@ -70,20 +70,20 @@ def leaderboard_figure(table: SweepTable) -> Figure:
                 ),
             }
         )
-        for yardstick in yardsticks:
-            rows = [r for r in table.correlation if r["yardstick"] == yardstick and r["noise_model"] == model]
-            metrics = _metrics_of(table, yardstick)
+        for measure in measures:
+            rows = [r for r in table.correlation if r["measure"] == measure and r["noise_model"] == model]
+            metrics = _metrics_of(table, measure)
             rho = np.array([_number(row["spearman"]) for row in rows])
             at = [metrics.index(row["metric"]) for row in rows]
-            signs.setdefault(yardstick, []).extend(
+            signs.setdefault(measure, []).extend(
                 Sign(model, row, row + offset, float(value)) for row, value in zip(at, rho, strict=True)
             )
             columns |= {
-                f"rho|{yardstick}|{model}": plain(rho),
-                f"above|{yardstick}|{model}": plain(np.array([_number(r["spearman_ci_high"]) for r in rows]) - rho),
-                f"below|{yardstick}|{model}": plain(rho - np.array([_number(r["spearman_ci_low"]) for r in rows])),
-                f"row|{yardstick}|{model}": [row + offset for row in at],
-                f"more|{yardstick}|{model}": [
+                f"rho|{measure}|{model}": plain(rho),
+                f"above|{measure}|{model}": plain(np.array([_number(r["spearman_ci_high"]) for r in rows]) - rho),
+                f"below|{measure}|{model}": plain(rho - np.array([_number(r["spearman_ci_low"]) for r in rows])),
+                f"row|{measure}|{model}": [row + offset for row in at],
+                f"more|{measure}|{model}": [
                     [
                         METRIC_NAMES.get(r["metric"], r["metric"]),
                         _short(r["kendall"], ".2f"),
@@ -91,36 +91,36 @@ def leaderboard_figure(table: SweepTable) -> Figure:
                     ]
                     for r in rows
                 ],
-                f"rows|{yardstick}": list(range(len(metrics))),
-                f"names|{yardstick}": [METRIC_NAMES.get(name, name) for name in metrics],
-                f"range|{yardstick}": [len(metrics) - 0.5, -0.5],
+                f"rows|{measure}": list(range(len(metrics))),
+                f"names|{measure}": [METRIC_NAMES.get(name, name) for name in metrics],
+                f"range|{measure}": [len(metrics) - 0.5, -0.5],
             }
-    columns |= {f"words|{yardstick}": empty_row_words(of, NO_ORDER) for yardstick, of in signs.items()}
+    columns |= {f"words|{measure}": empty_row_words(of, NO_ORDER) for measure, of in signs.items()}
     return Figure(
         "leaderboard",
         "Which metric ranks best",
         "Spearman’s ρ of each metric with what was measured, over the steps (or over all points of all steps); bars "
         "are 95 % intervals from resampled trials and points. 1 is the same order, 0 none. Metrics whose bars overlap "
         "are not told apart by this sweep; the bank of views (docs/bank.md) has hundreds of configurations for that.",
-        "Dots with intervals: Spearman’s correlation of each metric and noise model with the chosen yardstick.",
+        "Dots with intervals: Spearman’s correlation of each metric and noise model with the chosen measure.",
         traces,
         layout(
             {"title": {"text": "Spearman’s ρ"}, "range": [-1.05, 1.05], "zerolinecolor": GREY},
             {
-                "tickvals": ref("rows|{yardstick}"),
-                "ticktext": ref("names|{yardstick}"),
-                "range": ref("range|{yardstick}"),
+                "tickvals": ref("rows|{measure}"),
+                "ticktext": ref("names|{measure}"),
+                "range": ref("range|{measure}"),
                 "showgrid": False,
             },
-            annotations=ref("words|{yardstick}"),
+            annotations=ref("words|{measure}"),
         ),
-        (Choice("yardstick", "Yardstick", tuple((name, YARDSTICK_NAMES.get(name, name)) for name in yardsticks)),),
+        (Choice("measure", "Measure", tuple((name, MEASURE_NAMES.get(name, name)) for name in measures)),),
         columns,
     )
 
 
-def _metrics_of(table: SweepTable, yardstick: str) -> list[str]:
-    return list(dict.fromkeys(row["metric"] for row in table.correlation if row["yardstick"] == yardstick))
+def _metrics_of(table: SweepTable, measure: str) -> list[str]:
+    return list(dict.fromkeys(row["metric"] for row in table.correlation if row["measure"] == measure))
 
 
 def _number(text: str) -> float:

@@ -251,10 +251,10 @@ def claims(rows: Sequence[CsvRow]) -> list[dict[str, str]]:
                 "claim": row["claim"],
                 "side": side,
                 "holds": row["holds"],
-                "figure": row["figure"],
+                "figure": row["statistic"],
                 "value": _minus(value),
                 "kind": row.get("kind", ""),
-                "at": _minus(row.get("at", "")),
+                "at": _minus(row.get("where", "")),
             }
         )
     return found

@@ -52,7 +52,7 @@ class Measured:
         claimed_px2: px², (T, 2, 2), the covariance that each detection states for itself; nan likewise.
         physical_px2: px², (2, 2), the prediction of the `physical` noise model.
         bound_px2: px², (2, 2), the Cramér–Rao bound.
-        strangers: detections of other markers, over all captures.
+        unexpected_ids: detections of other markers, over all captures.
         render_noise_ratio: sampling noise over sensor noise (RMS over edge pixels) at the exposure of the render.
     """
 
@@ -61,7 +61,7 @@ class Measured:
     claimed_px2: Floats
     physical_px2: Floats
     bound_px2: Floats
-    strangers: int
+    unexpected_ids: int
     render_noise_ratio: float
 
 
@@ -83,11 +83,11 @@ def find_centres(task: Task, electrons: NDArray[np.float32], pattern: FixedPatte
     for trial in range(task.trials):
         numbers = capture(electrons, task.sensor, random_stream(task.seed, content_of(task.key), name, trial), pattern)
         trials.append(measure_capture(numbers, DICTIONARY, (task.marker_id,), task.sensor))
-    pixels, covariances, strangers = zip(*trials, strict=True)
+    pixels, covariances, unexpected_ids = zip(*trials, strict=True)
     return {
         "pixels": np.array(pixels)[:, 0],
         "covariance": np.array(covariances)[:, 0],
-        "strangers": np.array(sum(strangers)),
+        "strangers": np.array(sum(unexpected_ids)),
     }
 
 
@@ -131,7 +131,7 @@ def _check(arrays: Arrays, trials: int) -> None:
     }
     check_arrays(arrays, shapes)
     if arrays["strangers"].dtype.kind not in "iu":
-        raise ValueError("its number of strangers is none")
+        raise ValueError("its number of unexpected ids is none")
 
 
 def pixel_noise_code() -> Code:

@@ -121,7 +121,7 @@ def render_rows(measured: Sequence[Measured]) -> list[Row]:
                 "centre_y_px": setup.truth_px[1],
                 "captures": len(item.residuals_px),
                 "found": int(poses.counts[0]),
-                "strangers": item.strangers,
+                "unexpected_ids": item.unexpected_ids,
                 "mean_residual_x_px": x,
                 "mean_residual_y_px": y,
                 "sigma_px": math.sqrt(poses.variance_px2[0]),

@@ -18,6 +18,7 @@ from typing import Any
 from pss import RangeError
 from pss.files import open_plain
 from render.store.atomic import StoreError
+from validate.runs.renamed_columns import current_names
 
 __all__ = ["Row", "csv_text", "number_in", "read_csv", "read_head"]
 
@@ -130,7 +131,7 @@ def _checked_head(path: Path, reader: Any) -> list[str]:
     head = _texts(next(reader, []))
     if twice := [name for name in head if head.count(name) > 1]:
         raise StoreError(f"{path}: line 1 has the column {twice[0][:LONGEST_VALUE]!r} twice; allowed: each once")
-    return head
+    return current_names(head)
 
 
 def _cell(value: object) -> object:

@@ -140,11 +140,11 @@ def _spike(result: ScheduleResult, own: _Side, side: _Side) -> Row:
     return {
         **_head("a spike where an avatar enters the view of cameras that are not assigned to it, strategy (1)", curves),
         "holds": "yes" if low > LEAST_SPIKE and stands_out else "no",
-        "figure": f"largest share of PSS from those cameras (median over the steps: {np.median(share):.2g})",
+        "statistic": f"largest share of PSS from those cameras (median over the steps: {np.median(share):.2g})",
         "value": float(share[at]),
         "ci_low": float(low),
         "ci_high": float(high),
-        "at": f"y = {_place(y)}",
+        "where": f"y = {_place(y)}",
         **dict.fromkeys(BESIDE, np.nan),
         "of_counts": float(of_counts),
         "per_marker": float(1 - (1 - share[at]) / (1 - of_counts)) if of_counts < 1 else np.nan,
@@ -168,11 +168,11 @@ def _row(claim: str, side: _Side, figure: str, of: Figure, at: str) -> Row:
     return {
         **_head(claim, side.curves),
         "holds": "yes" if low > 1 else "no",
-        "figure": figure,
+        "statistic": figure,
         "value": ratio,
         "ci_low": low,
         "ci_high": high,
-        "at": at,
+        "where": at,
         **_beside("of_counts", count, counts),
         **_beside("per_marker", left, lefts),
     }
@@ -193,5 +193,5 @@ def _ends(value: float, samples: Floats) -> tuple[float, float]:
 
 
 def _nothing(claim: str, curves: Curves, why: str) -> Row:
-    return {**_head(claim, curves), "holds": "not asked", "figure": why, "value": np.nan, "ci_low": np.nan,
-            "ci_high": np.nan, "at": "", **dict.fromkeys(BESIDE, np.nan)}  # fmt: skip
+    return {**_head(claim, curves), "holds": "not asked", "statistic": why, "value": np.nan, "ci_low": np.nan,
+            "ci_high": np.nan, "where": "", **dict.fromkeys(BESIDE, np.nan)}  # fmt: skip

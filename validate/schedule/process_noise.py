@@ -35,7 +35,7 @@ from validate.stats.measured_errors import measured_inverse_sigma
 __all__ = [
     "RULED_BY",
     "FilterLevels",
-    "alike_frame_rate_hz",
+    "equivalent_frame_rate_hz",
     "headline_of_walk",
     "inverse_sigma",
     "levels_of_walk",
@@ -81,7 +81,7 @@ def headline_of_walk(levels: Sequence[Level]) -> int:
     return next(number for number, level in enumerate(levels) if level.headline)
 
 
-def alike_frame_rate_hz(level: Level, own: Level) -> float:
+def equivalent_frame_rate_hz(level: Level, own: Level) -> float:
     """1/s, frames at which `own`'s acceleration gathers the level's q: positions obey the same equations in both."""
     assert isinstance(own.process, ConstantVelocity)  # of `levels_of_walk`
     return float((own.process.acceleration_density_m2_s3 / level.variance_m2) ** (1 / 3))

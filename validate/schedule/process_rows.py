@@ -5,7 +5,7 @@ from __future__ import annotations
 from pss.hints import Floats, Row
 from validate.schedule.agreement import with_ends
 from validate.schedule.claims import CLOSER, FARTHER
-from validate.schedule.process_noise import alike_frame_rate_hz
+from validate.schedule.process_noise import equivalent_frame_rate_hz
 from validate.schedule.results import ScheduleResult
 from validate.stats.intervals import weighted_spearman
 from validate.stats.series import spearman_difference_interval, spearman_interval
@@ -16,7 +16,7 @@ __all__ = ["process_rows"]
 def process_rows(result: ScheduleResult) -> list[Row]:
     """A row for each level and noise model, over all strategies and steps without a zoom limit (or with the first one).
 
-    `alike_frame_rate_hz` is the number of frames at which the schedule's own acceleration has the level's q/c. The
+    `equivalent_frame_rate_hz` is the number of frames at which the schedule's own acceleration has the level's q/c. The
     columns `…_closer_over_farther` have the claim of the paper, mean PSS of (2b) over that of (2a), predicted and
     measured; `…_of_counts` the same ratio of the shares of markers, and the rest is per marker.
     """
@@ -35,8 +35,8 @@ def process_rows(result: ScheduleResult) -> list[Row]:
             rows.append(
                 {
                     **level.row,
-                    "schedules_own": "yes" if number == 0 else "no",
-                    "alike_frame_rate_hz": alike_frame_rate_hz(level, result.held.levels[0]),
+                    "is_schedule_process": "yes" if number == 0 else "no",
+                    "equivalent_frame_rate_hz": equivalent_frame_rate_hz(level, result.held.levels[0]),
                     "avatar": result.avatar,
                     "noise_model": model,
                     "n": measured.size,

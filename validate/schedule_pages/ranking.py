@@ -17,7 +17,7 @@ from validate.schedule_pages.tables import KIND_NAMES, ScheduleTable, number
 __all__ = ["agreement_figure", "ranking_figure"]
 
 # "{kind}" is the tables' name of the chosen kind.
-YARDSTICKS = {
+MEASURES = {
     "pss": ("measured PSS", "measured PSS, {kind}"),
     "fine": ("share under 0.1 mm", "share under 0.1 mm"),
     "coarse": ("share under 5 mm", "share under 5 mm"),
@@ -29,25 +29,25 @@ ALL = "all"
 
 
 def ranking_figure(table: ScheduleTable) -> Figure:
-    """Rank of each strategy by predicted PSS and by a yardstick, with intervals."""
+    """Rank of each strategy by predicted PSS and by a measure, with intervals."""
     names = table.strategy_names
     columns: Columns = {}
     for limit in table.limits:
         rows = all_of(table.strategies, zoom_limit=limit)
         for kind, kind_name in KIND_NAMES.items():
-            for key, (_, figure) in YARDSTICKS.items():
-                own = all_of(rows, figure=figure.format(kind=kind_name), noise_model="")
+            for key, (_, figure) in MEASURES.items():
+                own = all_of(rows, statistic=figure.format(kind=kind_name), noise_model="")
                 _add(columns, f"{limit}|{kind}|{key}", names, own, "rank", "rank_ci")
             for model in table.every.models:
-                own = all_of(rows, figure=f"predicted PSS, {kind_name}", noise_model=model)
+                own = all_of(rows, statistic=f"predicted PSS, {kind_name}", noise_model=model)
                 _add(columns, f"{limit}|{kind}|{model}", names, own, "rank", "rank_ci")
-                for key in YARDSTICKS:
+                for key in MEASURES:
                     stem = f"{limit}|{kind}"
                     series = {"predicted": (model, -APART), "measured": (key, APART)}
                     columns[f"words|{stem}|{model}|{key}"] = _words(columns, stem, series)
     traces = [
         _dots("predicted", "{zoom_limit}|{kind}|{model}", names, -APART, ("#0072B2", "square"), "rank %{x:.2g}"),
-        _dots("measured", "{zoom_limit}|{kind}|{yardstick}", names, APART, (INK, "circle"), "rank %{x:.2g}"),
+        _dots("measured", "{zoom_limit}|{kind}|{measure}", names, APART, (INK, "circle"), "rank %{x:.2g}"),
     ]
     return Figure(
         "ranking",
@@ -61,9 +61,9 @@ def ranking_figure(table: ScheduleTable) -> Figure:
         layout(
             {"title": {"text": "rank, 1 the best"}, "range": [0.6, len(names) + 0.4], "dtick": 1},
             _rows_axis(names),
-            annotations=ref("words|{zoom_limit}|{kind}|{model}|{yardstick}"),
+            annotations=ref("words|{zoom_limit}|{kind}|{model}|{measure}"),
         ),
-        (Choice("yardstick", "Measured by", tuple((key, words) for key, (words, _) in YARDSTICKS.items())),),
+        (Choice("measure", "Measured by", tuple((key, words) for key, (words, _) in MEASURES.items())),),
         columns,
     )
 

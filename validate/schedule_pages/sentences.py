@@ -110,7 +110,9 @@ def remarks(table: ScheduleTable) -> list[str]:
         INTERVALS,
     ]
     never = [row for row in table.claims if row["holds"] == "not asked"]
-    found += list(dict.fromkeys(f"Zoom limit {row['figure']}. Its steps are those without a limit." for row in never))
+    found += list(
+        dict.fromkeys(f"Zoom limit {row['statistic']}. Its steps are those without a limit." for row in never)
+    )
     columns = table.every.steps[table.every.models[0]]
     seen, by_two = columns["markers_seen_by_two"].mean(), columns["markers_found_by_two"].mean()
     points = int(columns["points"][0])
@@ -141,7 +143,7 @@ def _ranking(table: ScheduleTable, model: str, kind: str) -> CsvRow | None:
         zoom_limit=table.first_limit,
         noise_model=model,
         kind=KIND_NAMES[kind],
-        yardstick=f"measured PSS, {KIND_NAMES[kind]}",
+        measure=f"measured PSS, {KIND_NAMES[kind]}",
     )
     return rows[0] if rows else None
 

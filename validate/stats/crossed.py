@@ -100,7 +100,7 @@ class Resamples:
         )
 
     def of(self, values: Floats) -> Floats:
-        """A metric or yardstick on each resample, (B, K): a mean over points (K, N), or a number as it is (K,).
+        """A metric or measure on each resample, (B, K): a mean over points (K, N), or a number as it is (K,).
 
         One infinite term of a point with weight makes a mean infinite.
         """

@@ -48,9 +48,9 @@ def _standardised(values: Floats, weights: Floats) -> Floats:
     return np.where(length > TIED, ranks / np.maximum(length, TIED), np.nan)
 
 
-def judge_against(metric: Floats, yardstick: Floats, resamples: Resamples, sign: int = 1) -> Judged:
-    """Spearman's ρ of a metric with a yardstick, each (K,) or the terms of a mean over points (K, N)."""
-    return Ranked.of(metric, resamples).against(Ranked.of(yardstick, resamples), sign)
+def judge_against(metric: Floats, measure: Floats, resamples: Resamples, sign: int = 1) -> Judged:
+    """Spearman's ρ of a metric with a measure, each (K,) or the terms of a mean over points (K, N)."""
+    return Ranked.of(metric, resamples).against(Ranked.of(measure, resamples), sign)
 
 
 def partial(xy: Judged, xz: Judged, yz: Judged) -> Judged:

@@ -22,7 +22,7 @@ DRAWS = 400
 
 
 def numbers_of(values: Floats, resamples: Resamples) -> Floats:
-    """A metric or yardstick as it is and on each resample, (1 + B, K)."""
+    """A metric or measure as it is and on each resample, (1 + B, K)."""
     own = values.mean(axis=1) if values.ndim == 2 else values
     return np.concatenate([own[None], resamples.of(values)])
 
@@ -92,11 +92,11 @@ class Picked:
 
 @dataclass(frozen=True, eq=False)
 class Regrets:
-    """What choices cost by one yardstick.
+    """What choices cost by one measure.
 
     Attributes:
         choices: by size.
-        halves: the yardstick from each half of the trials, (1 + B, K) each, higher is better, 0 or more.
+        halves: the measure from each half of the trials, (1 + B, K) each, higher is better, 0 or more.
     """
 
     choices: dict[int, Choices]
@@ -104,7 +104,7 @@ class Regrets:
 
     @classmethod
     def of_values(cls, halves: tuple[Floats, Floats], choices: dict[int, Choices]) -> Regrets:
-        """Of a yardstick from each half: terms of a mean over the points (K, N), or a number (K,)."""
+        """Of a measure from each half: terms of a mean over the points (K, N), or a number (K,)."""
         resamples = next(iter(choices.values())).resamples
         a, b = (numbers_of(half, resamples) for half in halves)
         return cls(choices, (a, b))

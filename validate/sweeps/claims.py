@@ -71,7 +71,7 @@ def _hump_rows(result: SweepResult) -> Iterator[Row]:
                 ratio = curve.values[best] / curve.values[end]
                 low, high = interval(curve.samples[:, best] / curve.samples[:, end])
             yield _row(text, curve, inside and bool(low > 1), "PSS at optimum / at that end", ratio, low, high) | {
-                "at": result.configurations[best].value
+                "where": result.configurations[best].value
             }
 
 
@@ -87,7 +87,7 @@ def _angle_rows(result: SweepResult) -> Iterator[Row]:
         low, high = interval(np.asarray(weighted_spearman(np.broadcast_to(angle, curve.samples.shape), curve.samples)))
         yield _row(
             "PSS rises with the angle between the cameras", curve, bool(low > 0), "Spearman's ρ", rho, low, high
-        ) | {"at": f"{angle[best]:.0f} deg"}
+        ) | {"where": f"{angle[best]:.0f} deg"}
 
 
 def _flat_rows(result: SweepResult) -> Iterator[Row]:
@@ -120,7 +120,7 @@ def _flat_row(worst: Curve, pss: Curve) -> Iterator[Row]:
         share,
         np.nan,
         np.nan,
-    ) | {"at": ""}
+    ) | {"where": ""}
 
 
 def _row(text: str, curve: Curve, holds: bool, what: str, figure: float, low: object, high: object) -> Row:
@@ -129,7 +129,7 @@ def _row(text: str, curve: Curve, holds: bool, what: str, figure: float, low: ob
         "side": curve.side,
         "noise_model": curve.noise_model,
         "holds": "yes" if holds else "no",
-        "figure": what,
+        "statistic": what,
         "value": float(figure),
         "ci_low": float(np.asarray(low)),
         "ci_high": float(np.asarray(high)),

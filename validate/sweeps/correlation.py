@@ -1,4 +1,4 @@
-"""Correlation of metrics with measured yardsticks over the steps of a sweep, with intervals: `correlation.csv`."""
+"""Correlation of metrics with measures over the steps of a sweep, with intervals: `correlation.csv`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ __all__ = ["SHARES_UNDER_MM", "Correlation", "correlation_rows", "headline", "ow
 
 # mm. Errors of well set cameras are tenths of a millimetre: a share under 5 mm then only counts points.
 SHARES_UNDER_MM = (5, 0.02, 0.05, 0.1, 0.2)
-# A sweep of a dozen steps cannot tell forty metrics apart: it has the paper's own, the plainest yardstick, and what
+# A sweep of a dozen steps cannot tell forty metrics apart: it has the paper's own, the plainest measure, and what
 # users bring of their own.
 COMPARED = ("pss", "pss-single-frame", "worst-sigma", "visible-share")
 
@@ -55,7 +55,7 @@ class Correlation:
 
 
 def correlation_rows(result: SweepResult) -> list[Row]:
-    """Rows of a sweep: each metric and noise model against each yardstick, over configurations and over points."""
+    """Rows of a sweep: each metric and noise model against each measure, over configurations and over points."""
     rows: list[Row] = []
     counts = {len(configuration.cameras) for configuration in result.configurations}
     cameras = str(counts.pop()) if len(counts) == 1 else "all"
@@ -63,21 +63,21 @@ def correlation_rows(result: SweepResult) -> list[Row]:
     for model in result.noise_models:
         replicates = result.replicates[model]
         # Of one step there is no order.
-        yardsticks = [] if one_step else _yardsticks(result, replicates)
+        measures = [] if one_step else _measures(result, replicates)
         for metric in [] if one_step else _metrics(result, model, replicates):
-            for yardstick in yardsticks:
-                sign = 1 if metric.higher_is_better == yardstick.higher_is_better else -1
-                found = _correlate(metric, yardstick, sign)
-                flat = metric.flat or yardstick.flat
-                both = (metric.values, np.full_like(metric.values, np.nan) if flat else yardstick.values)
+            for measure in measures:
+                sign = 1 if metric.higher_is_better == measure.higher_is_better else -1
+                found = _correlate(metric, measure, sign)
+                flat = metric.flat or measure.flat
+                both = (metric.values, np.full_like(metric.values, np.nan) if flat else measure.values)
                 rows.append(
-                    _row(result, metric.name, model, "configuration", yardstick.name, cameras, found)
+                    _row(result, metric.name, model, "configuration", measure.name, cameras, found)
                     | {
                         "kendall": sign * kendall(*both),
                         "pearson_log": sign * pearson_log(*both),
-                        "regret": _regret(metric, yardstick),
-                        "oracle_regret": oracle_regret(*yardstick.halves) if yardstick.halves else np.nan,
-                        "measured_flat": "yes" if yardstick.flat else "no",
+                        "regret": _regret(metric, measure),
+                        "oracle_regret": oracle_regret(*measure.halves) if measure.halves else np.nan,
+                        "measured_flat": "yes" if measure.flat else "no",
                     }
                 )
         rows += list(_point_rows(result, model, replicates, cameras))
@@ -88,17 +88,15 @@ def own_rows(result: SweepResult) -> list[Row]:
     """Rows of own metrics alone, against measured single-frame PSS over the steps, with the step each would choose."""
     rows: list[Row] = []
     for model in result.noise_models if len(result.assessments) > 1 else ():
-        yardstick = _yardsticks(result, result.replicates[model])[0]
+        measure = _measures(result, result.replicates[model])[0]
         of_users = _metrics(result, model, result.replicates[model])[len(COMPARED) :]
         for metric, series in zip(own_metrics(), of_users, strict=True):
             sign = 1 if metric.higher_is_better else -1
             best = best_step(metric, series.values)
             rows.append(
-                _row(
-                    result, metric.name, model, "configuration", yardstick.name, "", _correlate(series, yardstick, sign)
-                )
+                _row(result, metric.name, model, "configuration", measure.name, "", _correlate(series, measure, sign))
                 | {
-                    "regret": _regret(series, yardstick),
+                    "regret": _regret(series, measure),
                     "chosen": None if best is None else result.configurations[best].value,
                 }
             )
@@ -109,38 +107,38 @@ def headline(result: SweepResult, model: str, single_frame: bool) -> tuple[Corre
     """ρ of predicted with measured PSS over the steps, of one kind, and the regret (nan for the filter kind)."""
     replicates = result.replicates[model]
     metric = _metrics(result, model, replicates)[1 if single_frame else 0]
-    yardstick = _yardsticks(result, replicates)[0 if single_frame else 1]
-    return _correlate(metric, yardstick, 1), _regret(metric, yardstick)
+    measure = _measures(result, replicates)[0 if single_frame else 1]
+    return _correlate(metric, measure, 1), _regret(metric, measure)
 
 
-def _correlate(metric: Series, yardstick: Series, sign: int) -> Correlation:
-    if yardstick.flat or metric.flat:
+def _correlate(metric: Series, measure: Series, sign: int) -> Correlation:
+    if measure.flat or metric.flat:
         return Correlation(len(metric.values), np.nan, np.nan, np.nan)
-    rho = sign * float(weighted_spearman(metric.values, yardstick.values))
+    rho = sign * float(weighted_spearman(metric.values, measure.values))
     low = high = np.nan
-    if metric.samples is not None and yardstick.samples is not None:
-        samples = sign * np.asarray(weighted_spearman(metric.samples, yardstick.samples))
+    if metric.samples is not None and measure.samples is not None:
+        samples = sign * np.asarray(weighted_spearman(metric.samples, measure.samples))
         known = samples[np.isfinite(samples)]
         if len(known) > len(samples) / 2:
             low, high = interval_with(rho, known)
     return Correlation(len(metric.values), rho, low, high)
 
 
-def _regret(metric: Series, yardstick: Series) -> float:
-    if yardstick.halves is None or metric.flat:
+def _regret(metric: Series, measure: Series) -> float:
+    if measure.halves is None or metric.flat:
         return np.nan
-    return regret(metric.values, *yardstick.halves, higher_is_better=metric.higher_is_better)
+    return regret(metric.values, *measure.halves, higher_is_better=metric.higher_is_better)
 
 
 def _row(
-    result: SweepResult, metric: str, model: str, level: str, yardstick: str, cameras: str, found: Correlation
+    result: SweepResult, metric: str, model: str, level: str, measure: str, cameras: str, found: Correlation
 ) -> Row:
     return {
         "sweep": result.plan.sweep.name,
         "metric": metric,
         "noise_model": model,
         "level": level,
-        "yardstick": yardstick,
+        "measure": measure,
         "cameras": cameras,
         "n": found.n,
         "spearman": found.rho,
@@ -183,7 +181,7 @@ def _seen_twice(evaluation: Evaluation) -> Floats:
     return (evaluation.visible.sum(axis=0) >= CAMERAS_TO_OBSERVE).astype(float)
 
 
-def _yardsticks(result: SweepResult, replicates: SweepReplicates) -> list[Series]:
+def _measures(result: SweepResult, replicates: SweepReplicates) -> list[Series]:
     """Measured PSS of both kinds, the share of all points under 5 mm, and the median RMS over all points."""
     errors = [assessment.measured.errors for assessment in result.assessments]
     distance_m = np.array([np.linalg.norm(e.errors_m, axis=2) for e in errors])
@@ -223,7 +221,7 @@ def _point_rows(result: SweepResult, model: str, replicates: SweepReplicates, ca
             [a.measured.filter_sigma_m for a in result.assessments],
         ),
     }
-    for (metric, yardstick), (predicted, measured) in pairs.items():
+    for (metric, measure), (predicted, measured) in pairs.items():
         x, y = np.concatenate(predicted), np.concatenate(measured)
         point = np.tile(np.arange(len(predicted[0])), len(predicted))
         known = np.isfinite(x) & np.isfinite(y)
@@ -233,7 +231,7 @@ def _point_rows(result: SweepResult, model: str, replicates: SweepReplicates, ca
         rho = float(weighted_spearman(x, y))
         low, high = interval_with(rho, weighted_spearman(x, y, replicates.point_weights[:, point]))
         found = Correlation(len(x), rho, low, high)
-        yield _row(result, metric, model, "point", yardstick, cameras, found) | {
+        yield _row(result, metric, model, "point", measure, cameras, found) | {
             "kendall": kendall(x, y),
             "pearson_log": pearson_log(x, y),
             "regret": np.nan,

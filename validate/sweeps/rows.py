@@ -190,7 +190,7 @@ def view_rows(results: Sequence[SweepResult], acquired: Acquired) -> list[Row]:
                         "f_number": camera.f_number,
                         "markers_visible": int(seen.sum()),
                         "markers_detected": float(acquired.measured[item].detected.sum(axis=1).mean()),
-                        "strangers": acquired.measured[item].strangers,
+                        "unexpected_ids": acquired.measured[item].unexpected_ids,
                         **_certificate(acquired.certificates[key]),
                         "exr": f"views/{key}.exr",
                     }

@@ -89,13 +89,13 @@ def _limits(low: float, high: float, digits: str) -> str:
 
 def _claims_table(results: Sequence[SweepResult]) -> Table:
     table = Table(title="The paper's claims on its Figures 1 to 3")
-    for name in ("sweep", "claim", "side", "holds", "figure", "value [95 %]"):
+    for name in ("sweep", "claim", "side", "holds", "statistic", "value [95 %]"):
         table.add_column(name)
     for result in results:
         for row in claim_rows(result):
             side = " ".join(filter(None, (str(row["side"]), str(row["noise_model"]))))
             value = f"{row['value']:.3g}{_limits(row['ci_low'], row['ci_high'], '.3g')}"
-            table.add_row(row["sweep"], row["claim"], side, row["holds"], row["figure"], value)
+            table.add_row(row["sweep"], row["claim"], side, row["holds"], row["statistic"], value)
         table.add_section()
     return table
 

@@ -61,11 +61,11 @@ def consistency(
         block_frames: frames in a block.
 
     Returns:
-        Rows with `group`, `least_views` (0 or 2), `markers`, `frames`, `trials`, `share_tracked` (these cells, of all
-        markers in all frames of all trials), `losses` and `found_again` (sums over trials and markers), `share_gated`
+        Rows with `group`, `min_views` (0 or 2), `markers`, `frames`, `trials`, `share_tracked` (these cells, of all
+        markers in all frames of all trials), `losses` and `reacquired` (sums over trials and markers), `share_gated`
         (detections thrown out, of those that met a gate or a start; these three of the group, whatever the views), and
         for each kind `…_cells`, `…_nees_per_dof`, `…_coverage_50`, `_90` and `_95` (share of errors inside the
-        ellipsoid that should hold so many per cent), `…_rms_m` and `…_believed_rms_m` (√ of the mean tr P of the same
+        ellipsoid that should hold so many per cent), `…_rms_m` and `…_claimed_rms_m` (√ of the mean tr P of the same
         cells). With `predicted`, also `…_predicted_rms_m` and `…_common_rms_m`, predicted and measured, of the cells
         that have both. What has no cell is nan.
 
@@ -94,9 +94,9 @@ def consistency(
     )
     rows, views = [], tracks.used.sum(axis=1)
     for name, mask in masks.items():
-        for least_views in LEAST_VIEWS:
-            cells = mask & (views >= least_views)
-            row: Row = {"group": name, "least_views": least_views, "markers": int(mask.sum())}
+        for min_views in LEAST_VIEWS:
+            cells = mask & (views >= min_views)
+            row: Row = {"group": name, "min_views": min_views, "markers": int(mask.sum())}
             row |= {"frames": frames, "trials": trials, **_counts(tracks, mask, cells)}
             for kind, expected in zip(kinds, predicted or (None, None), strict=True):
                 row |= kind.row(cells.reshape(-1, markers), resamples, expected)
@@ -123,8 +123,8 @@ def _counts(tracks: WalkTracks, mask: Bools, cells: Bools) -> Row:
     used, gated = int(tracks.used[..., mask].sum()), int(tracks.gated[..., mask].sum())
     return {
         "share_tracked": float(tracked.mean()) if tracked.size else float("nan"),
-        "losses": int(tracks.losses[:, mask].sum()),
-        "found_again": int(tracks.found_again[:, mask].sum()),
+        "track_losses": int(tracks.losses[:, mask].sum()),
+        "reacquired": int(tracks.reacquired[:, mask].sum()),
         "share_gated": gated / (used + gated) if used + gated else float("nan"),
     }
 
@@ -154,7 +154,7 @@ class _Kind:
             found |= _mean_with_interval(f"coverage_{round(100 * level)}", of_these(inside), resamples, most=1.0)
         mean_squares = _mean_with_interval("rms_m", squares, resamples)
         found |= {column: float(np.sqrt(value)) for column, value in mean_squares.items()}
-        found["believed_rms_m"] = _root_mean(of_these(self.believed_m2))
+        found["claimed_rms_m"] = _root_mean(of_these(self.believed_m2))
         if predicted_m2 is not None:
             expected = np.repeat(np.trace(predicted_m2, axis1=-2, axis2=-1), self.trials, axis=0)
             both = np.isfinite(squares) & np.isfinite(expected)

@@ -28,11 +28,11 @@ SHOWN_TRIAL = 0
 WHITE_PERCENTILE = 99.8
 
 
-def write_real_walk(folder: Path, tracked: TrackedWalk, store: Store, seed: int, told_m2_s3: float) -> None:
+def write_real_walk(folder: Path, tracked: TrackedWalk, store: Store, seed: int, assumed_density_m2_s3: float) -> None:
     """Write `walk.csv`, `walk_consistency.csv`, `walk_misfit.csv`, `trajectories/` and `figures/walk.webp`.
 
     Args:
-        told_m2_s3: m²/s³, the acceleration density that the schedule tells the metric.
+        assumed_density_m2_s3: m²/s³, the acceleration density that the schedule tells the metric.
 
     Raises:
         DamagedViewError: a view of the film is not in the store, or was found damaged and set aside.
@@ -40,7 +40,7 @@ def write_real_walk(folder: Path, tracked: TrackedWalk, store: Store, seed: int,
     write_csv(folder / "walk.csv", tracked.frame_rows())
     rng = random_stream(seed, tracked.real.strategy, "walk consistency")
     write_csv(folder / "walk_consistency.csv", tracked.consistency_rows(rng))
-    write_csv(folder / "walk_misfit.csv", tracked.misfit_rows(told_m2_s3))
+    write_csv(folder / "walk_misfit.csv", tracked.misfit_rows(assumed_density_m2_s3))
     _write_trajectories(folder, tracked)
     real = tracked.real
     rate = 1 / real.walk.step_s

@@ -87,7 +87,7 @@ class WalkTracks:
         gated: (K, C, T, N), detections that the gate threw out, or at a start the triangulation's own test.
         lost: (K, T, N), the last `lost_after_frames` frames or more, this one among them, did not confirm the track.
         losses: (T, N), how often a track was lost.
-        found_again: (T, N), how often a lost one was confirmed again, or started anew.
+        reacquired: (T, N), how often a lost one was confirmed again, or started anew.
     """
 
     prior_m: Floats
@@ -98,7 +98,7 @@ class WalkTracks:
     gated: Bools
     lost: Bools
     losses: Integers
-    found_again: Integers
+    reacquired: Integers
 
 
 def track_walk(
@@ -156,7 +156,7 @@ def track_walk(
         gated=gated,
         lost=lost,
         losses=run.losses,
-        found_again=run.found_again,
+        reacquired=run.reacquired,
     )
 
 
@@ -185,7 +185,7 @@ class _Run:
 
     Attributes:
         tracked: (T, N), there is a track.
-        lost, losses, found_again: (T, N), as in `WalkTracks`, so far.
+        lost, losses, reacquired: (T, N), as in `WalkTracks`, so far.
     """
 
     def __init__(self, process: ProcessModel, settings: WalkFiltering, trials: int, points: int) -> None:
@@ -194,7 +194,7 @@ class _Run:
         self.state = np.full((trials, points, process.states), np.nan)
         self.covariance = np.full((trials, points, process.states, process.states), np.nan)
         self.tracked, self.lost = np.zeros((2, trials, points), dtype=bool)
-        self.missed, self.losses, self.found_again = np.zeros((3, trials, points), dtype=np.int64)
+        self.missed, self.losses, self.reacquired = np.zeros((3, trials, points), dtype=np.int64)
 
     @property
     def believed(self) -> tuple[Floats, Floats]:
@@ -232,7 +232,7 @@ class _Run:
         used[:, rows], thrown_out[:, rows] = passed, detected[:, rows] & ~passed
 
         confirmed = used.sum(axis=0) > thrown_out.sum(axis=0)
-        self.found_again += confirmed & self.lost
+        self.reacquired += confirmed & self.lost
         self.missed = np.where(confirmed, 0, self.missed + self.tracked)
         self.missed = np.where(hopeless, np.maximum(self.missed, self.settings.lost_after_frames), self.missed)
         self.losses += self.missed == self.settings.lost_after_frames
@@ -264,7 +264,7 @@ class _Run:
         self.covariance[place + (POSITION, POSITION)] = found.covariance_m2[0, started]
         for axis in range(3, self.process.states):
             self.covariance[place + (axis, axis)] = self.settings.start_speed_sigma_m_per_s**2
-        self.found_again[place] += self.lost[place]
+        self.reacquired[place] += self.lost[place]
         self.tracked[place], self.lost[place], self.missed[place] = True, False, 0
         detected = np.asarray(np.isfinite(pixels).all(axis=-1))
         return found.used[:, 0], detected & ~found.used[:, 0] & (found.rejected[0] > 0)

@@ -97,9 +97,9 @@ class TrackedWalk:
         """NEES, coverage and errors by avatar and by part of the body."""
         return consistency(self.tracks, self.real.truth_m, self._groups, rng, self.predicted_m2)
 
-    def misfit_rows(self, told_m2_s3: float) -> list[Row]:
+    def misfit_rows(self, assumed_density_m2_s3: float) -> list[Row]:
         """How far each part of the body is from one constant velocity model for all."""
-        process = ConstantVelocity(told_m2_s3, self.real.walk.step_s)
+        process = ConstantVelocity(assumed_density_m2_s3, self.real.walk.step_s)
         return misfit_rows(self.real.truth_m, process, self._groups)
 
     def frame_rows(self) -> list[Row]:
@@ -127,7 +127,7 @@ class TrackedWalk:
                         "tracked": float(cells.sum(axis=1).mean()),
                         "predicted_tracked": int(np.isfinite(foreseen).sum()),
                         "measured_median_m": _median(np.sqrt(square[frame][cells])),
-                        "believed_median_m": _median(np.sqrt(believed[frame][cells])),
+                        "claimed_median_m": _median(np.sqrt(believed[frame][cells])),
                         "predicted_median_m": _median(np.sqrt(foreseen)),
                     }
                 )

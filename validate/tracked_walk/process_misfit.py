@@ -48,9 +48,9 @@ def misfit_rows(truth_m: ArrayLike, process: ConstantVelocity, groups: Mapping[s
     """What `motion_misfit` says of each group of markers, given as masks (N,) by name; nan for an empty one.
 
     Returns:
-        Rows with `group`, `markers`, `told_m2_s3`, `density_m2_s3` (of all the group's errors together),
-        `largest_density_m2_s3` (of a marker), `over_told` (the group's density over the one told: 1 where the model
-        fits), `prediction_rms_m` (√ of the mean square length of the errors) and `largest_sigmas` (the largest error
+        Rows with `group`, `markers`, `assumed_density_m2_s3`, `density_m2_s3` (of all the group's errors together),
+        `largest_density_m2_s3` (of a marker), `density_over_assumed` (1 where the model fits),
+        `prediction_rms_m` (√ of the mean square length of the errors) and `largest_sigmas` (the largest error
         along an axis in the model's own standard deviations).
 
     Raises:
@@ -65,10 +65,10 @@ def misfit_rows(truth_m: ArrayLike, process: ConstantVelocity, groups: Mapping[s
             {
                 "group": name,
                 "markers": int(mask.sum()),
-                "told_m2_s3": told,
+                "assumed_density_m2_s3": told,
                 "density_m2_s3": density,
                 "largest_density_m2_s3": float(densities[mask].max()) if some else float("nan"),
-                "over_told": density / told,
+                "density_over_assumed": density / told,
                 "prediction_rms_m": float(np.sqrt((own**2).sum(axis=-1).mean())) if some else float("nan"),
                 "largest_sigmas": float(np.abs(own).max() / np.sqrt(told * _variance_per_density(process)))
                 if some

@@ -16,7 +16,7 @@ from tests.conftest import ROOM_FILE
 from validate import run_sweep
 from validate.bank.design import BankDesign, detection_views, draw_configurations, held_out_views, training_views
 from validate.bank.differences import METRICS_OF_R, difference_rows
-from validate.bank.leaderboard import CountVerdict, leaderboard, yardsticks
+from validate.bank.leaderboard import CountVerdict, leaderboard, measures
 from validate.bank.measured import BankData, measure_all
 from validate.bank.predicted import Contender, GivenCovariance, PredictionTask, predict_all
 from validate.bank.sensitivity import variants
@@ -209,7 +209,7 @@ def test_the_right_covariance_ranks_and_is_consistent(room, small):
     pairs = [(model, name) for model in ("true", "identity") for name in ("pss", "pss-single-frame")]
     pairs += [("true", "visible-share"), ("true", "visibility-count"), ("true", "e-optimality-count-zero")]
     rows = leaderboard(verdict, pairs)
-    rho = {(row["noise_model"], row["metric"]): row for row in rows if row["yardstick"] == "measured_pss_single_frame"}
+    rho = {(row["noise_model"], row["metric"]): row for row in rows if row["measure"] == "measured_pss_single_frame"}
     best = rho["true", "pss-single-frame"]
     assert best["spearman"] > 0.97
     assert best["rank"] == 1
@@ -218,11 +218,11 @@ def test_the_right_covariance_ranks_and_is_consistent(room, small):
     assert best["minus_pss_single_frame"] == 0
     # The same number by another name: the same interval and rank, which counts it once, and no difference.
     twin = rho["true", "e-optimality-count-zero"]
-    assert twin["twin_of"] == "pss-single-frame (true)"
+    assert twin["equivalent_to"] == "pss-single-frame (true)"
     assert twin["minus_pss_single_frame"] == twin["minus_pss_single_frame_ci_low"] == 0
     same = ("spearman", "spearman_ci_low", "spearman_ci_high", "rank", "regret_of_20_mean_ci_low", "regret_of_20_mean")
     assert [twin[column] for column in same] == [best[column] for column in same]
-    distinct = [row for row in rho.values() if not row["twin_of"]]
+    distinct = [row for row in rho.values() if not row["equivalent_to"]]
     assert sorted(row["rank"] for row in distinct) == list(range(1, len(distinct) + 1))
     assert best["regret_over_oracle_of_20"] == pytest.approx(
         best["regret_of_20_mean"] - best["oracle_regret_of_20_mean"], abs=ROUNDING
@@ -253,7 +253,7 @@ def test_results_do_not_depend_on_the_number_of_processes(small):
     for a, b in zip(one, two, strict=True):
         np.testing.assert_array_equal(a.errors.errors_m, b.errors.errors_m)
         np.testing.assert_array_equal(a.prior_moment_m2, b.prior_moment_m2)
-    assert {y.name for y in yardsticks(one)} == {
+    assert {y.name for y in measures(one)} == {
         "measured_pss_single_frame", "share_under_5mm", "share_under_0.02mm", "share_under_0.05mm", "share_under_0.1mm",
         "share_under_0.2mm", "median_rms_m", "measured_pss_filter",
     }  # fmt: skip
@@ -281,7 +281,7 @@ def test_spearman_and_its_partial():
 
 
 def test_means_over_points_are_resampled_with_their_points():
-    """A metric given by its terms follows the points' weights; the yardstick does so too, and they agree."""
+    """A metric given by its terms follows the points' weights; the measure does so too, and they agree."""
     rng = np.random.default_rng(11)
     terms = rng.uniform(size=(50, 8))
     chance = Resamples.of_configurations(rng.integers(20, size=(50, 2)), 8)
@@ -423,21 +423,21 @@ def test_differences_are_those_of_the_leaderboard(small):
     pairs = [(c.name, metric) for c in contenders for metric in (*METRICS_OF_R, "visible-share", "visibility-count")]
     board = leaderboard(verdict, pairs)
     rows = difference_rows(verdict, [c.name for c in contenders], ["identity"])
-    assert len(rows) == len({row["yardstick"] for row in board}) * len(METRICS_OF_R) * 2
+    assert len(rows) == len({row["measure"] for row in board}) * len(METRICS_OF_R) * 2
     for row in rows:
         one, other = (
             next(
                 r["spearman"]
                 for r in board
-                if (r["noise_model"], r["metric"], r["yardstick"]) == (name, row["metric"], row["yardstick"])
+                if (r["noise_model"], r["metric"], r["measure"]) == (name, row["metric"], row["measure"])
             )
-            for name in (row["noise_model"], row["minus"])
+            for name in (row["noise_model"], row["baseline"])
         )
         assert row["spearman_difference"] == pytest.approx(one - other, abs=ROUNDING)
     single = {
-        (row["noise_model"], row["minus"]): row
+        (row["noise_model"], row["baseline"]): row
         for row in difference_rows(verdict, [c.name for c in contenders], ["true", "identity"])
-        if (row["metric"], row["yardstick"]) == ("pss-single-frame", "measured_pss_single_frame")
+        if (row["metric"], row["measure"]) == ("pss-single-frame", "measured_pss_single_frame")
     }
     better = single["true", "identity"]
     assert better["spearman_difference_ci_low"] < better["spearman_difference"] < better["spearman_difference_ci_high"]

@@ -115,14 +115,14 @@ def test_two_metrics_of_the_reference():
     (found,) = [
         r
         for r in compared(sides_of(of), "correlation")
-        if (r["sweep"], r["yardstick"], r["quantity"], r["level"])
+        if (r["sweep"], r["measure"], r["quantity"], r["level"])
         == ("zoom", "measured_pss_single_frame", "spearman", "configuration")
     ]
     with (REFERENCE / "correlation.csv").open() as file:
         own = {
             r["metric"]: float(r["spearman"])
             for r in csv.DictReader(file)
-            if (r["sweep"], r["noise_model"], r["level"], r["yardstick"])
+            if (r["sweep"], r["noise_model"], r["level"], r["measure"])
             == ("zoom", "physical", "configuration", "measured_pss_single_frame")
         }
     expected = own["pss-single-frame"] - own["visible-share"]

@@ -314,7 +314,7 @@ def test_strategies_of_a_hallway_are_steps(tmp_path):
     head = {"avatar": "both", "zoom_limit": "none"}
     for name, factor in (("a", 1.0), ("b", 0.5)):
         rows = [
-            {**head, "figure": f"{side} PSS, filter", "noise_model": model, "strategy": strategy,
+            {**head, "statistic": f"{side} PSS, filter", "noise_model": model, "strategy": strategy,
              "value": value * factor, "ci_low": 0.9 * value * factor, "ci_high": 1.1 * value * factor}
             for side, model in (("measured", ""), ("predicted", "physical"))
             for strategy, value in (("follow", 30.0), ("random", 10.0))

@@ -16,7 +16,7 @@ def row(size, population, weights="own", **rho):
     for name in NAMES:
         value = rho.get(name, rho["plain"])
         content |= {f"spearman_{name}{end}": value for end in ("", "_low", "_high")}
-        content |= {f"spearman_{name}_least": value - 0.1, f"spearman_{name}_most": value + 0.1}
+        content |= {f"spearman_{name}_min": value - 0.1, f"spearman_{name}_max": value + 0.1}
     return {key: str(value) for key, value in content.items()}
 
 

@@ -200,7 +200,7 @@ def test_neutral_measures_decide_by_the_interval(copy):
             row
             | (
                 {"minus_visibility_count_ci_low": low, "minus_visibility_count_ci_high": high}
-                if row["yardstick"] == "share_under_0.1mm"
+                if row["measure"] == "share_under_0.1mm"
                 else {}
             )
         )
@@ -220,7 +220,7 @@ def test_the_papers_own_metric_is_in_the_first_sentence(copy):
     )
 
     def unsure(row):
-        wide = row["noise_model"] == "corrected" and row["minus"] == "identity"
+        wide = row["noise_model"] == "corrected" and row["baseline"] == "identity"
         return row | ({"spearman_difference_ci_low": "-0.1"} if wide else {})
 
     changed(copy / "bank" / "differences.csv", unsure)
@@ -353,9 +353,9 @@ def test_pairs_of_one_order_are_one_row(copy):
     """The others are named beside it; a metric that orders nothing is named below."""
 
     def twins(row):
-        same = {"twin_of": "pss-single-frame (as-printed)"} if row["noise_model"] == "as-printed, scaled" else {}
+        same = {"equivalent_to": "pss-single-frame (as-printed)"} if row["noise_model"] == "as-printed, scaled" else {}
         none = {"spearman": ""} if row["noise_model"] == "corrected" else {}
-        return row | {"twin_of": ""} | same | none
+        return row | {"equivalent_to": ""} | same | none
 
     changed(copy / "bank" / "leaderboard.csv", twins)
     table = neutral_table(places_of_reference(copy)[0])

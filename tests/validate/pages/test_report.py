@@ -85,7 +85,7 @@ def test_the_numbers_of_the_verdict_are_those_of_the_tables(made):
         [row] = [
             r
             for r in rows(made, "correlation")
-            if (r["sweep"], r["noise_model"], r["metric"], r["yardstick"], r["level"])
+            if (r["sweep"], r["noise_model"], r["metric"], r["measure"], r["level"])
             == (sweep, model, metric, measured, "configuration")
         ]
         of = [r for r in rows(made, "configurations") if (r["sweep"], r["noise_model"]) == (sweep, model)]

@@ -98,8 +98,8 @@ def test_each_row_of_a_schedules_figures_has_a_dot_or_words(pages, identity):
     columns = figure["columns"]
     for stem, worded in worded_rows(figure):
         if identity == "ranking":
-            limit, kind, model, yardstick = stem.split("|")
-            ends = [f"{limit}|{kind}|{model}", f"{limit}|{kind}|{yardstick}"]
+            limit, kind, model, measure = stem.split("|")
+            ends = [f"{limit}|{kind}|{model}", f"{limit}|{kind}|{measure}"]
         else:
             ends = [name.removeprefix("at|") for name in columns if name.startswith(f"at|{stem}|")]
         values = [columns[f"at|{end}"] for end in ends]

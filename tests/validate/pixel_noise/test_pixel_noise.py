@@ -26,7 +26,7 @@ COVERAGE = (0.90, 0.985)
 # What the table's numbers may end in, and those that have no unit.
 UNITS = ("_px", "_deg", "_e")
 WITHOUT_UNIT = {"series", "set", "factor", "paper", "from", "to", "white_snr", "edge_cnr", "marker_id"}
-WITHOUT_UNIT |= {"renders", "captures", "found", "strangers", "render_noise_ratio"}
+WITHOUT_UNIT |= {"renders", "captures", "found", "unexpected_ids", "render_noise_ratio"}
 WITHOUT_UNIT |= {f"detection_rate{end}" for end in ("", "_low", "_high")}
 WITHOUT_UNIT |= {"exponent", "exponent_low", "exponent_high", "bound_exponent", "physical_exponent", "paper_exponent"}
 

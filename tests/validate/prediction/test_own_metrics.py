@@ -80,8 +80,7 @@ def test_the_tables_have_its_number_and_its_rank(made):
         [ranked] = [
             row
             for row in rows_of(made, "correlation")
-            if (row["metric"], row["noise_model"], row["yardstick"])
-            == ("median-mm", model, "measured_pss_single_frame")
+            if (row["metric"], row["noise_model"], row["measure"]) == ("median-mm", model, "measured_pss_single_frame")
         ]
         rho = -scipy.stats.spearmanr(expected, made.result.measured_pss()).statistic
         assert float(ranked["spearman"]) == pytest.approx(rho, abs=SAME_DIGITS)

@@ -14,9 +14,11 @@ from hypothesis import strategies as st
 
 import validate
 from validate.runs.csv_file import csv_text, read_csv, read_head
+from validate.runs.renamed_columns import RENAMED_COLUMNS
 from validate.runs.table_text import table_text
 from validate.sweeps.rows import write_csv
 
+ROOT = Path(__file__).parents[3]
 # OWASP, "CSV Injection": a cell that begins with one of these is computed.
 COMPUTED = ("=", "+", "-", "@", "\t", "\r", "\n", "＝", "＋", "－", "＠")
 SHEET_CALLS = [f"{sign}HYPERLINK(1)" for sign in COMPUTED]
@@ -58,3 +60,23 @@ def test_only_one_module_reads_and_writes_csv():
         if any(alias.name == "csv" for node in imported for alias in node.names):
             found.add(path.name)
     assert found == {"csv_file.py"}
+
+
+def test_columns_of_version_0_1_are_read_under_their_present_names(tmp_path):
+    """Also the head alone; an old name that stands beside its present one is another column."""
+    path = tmp_path / "leaderboard.csv"
+    path.write_text("metric,measure,equivalent_to\npss,median_rms_m,\n")
+    assert read_head(path) == ["metric", "measure", "equivalent_to"]
+    assert read_csv(path) == [{"metric": "pss", "measure": "median_rms_m", "equivalent_to": ""}]
+    path.write_text("minus,baseline\na,b\n")
+    assert read_csv(path) == [{"minus": "a", "baseline": "b"}]
+
+
+def test_reference_tables_have_present_names():
+    """A present name never becomes another by the table of old ones."""
+    assert not set(RENAMED_COLUMNS) & set(RENAMED_COLUMNS.values())
+    tables = sorted((ROOT / "results" / "reference").rglob("*.csv"))
+    assert tables
+    for table in tables:
+        with table.open(encoding="utf-8") as file:
+            assert not set(next(csv.reader(file))) & set(RENAMED_COLUMNS), table

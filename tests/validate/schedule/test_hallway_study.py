@@ -32,13 +32,13 @@ from validate.schedule.agreement import ALL_RUNS, agreement_rows
 from validate.schedule.claims import claim_rows
 from validate.schedule.held import assess_held, design_of, training_levels
 from validate.schedule.own_cameras import own_cameras
-from validate.schedule.process_noise import alike_frame_rate_hz, headline_of_walk, levels_of_walk
+from validate.schedule.process_noise import equivalent_frame_rate_hz, headline_of_walk, levels_of_walk
 from validate.schedule.process_rows import process_rows
 from validate.schedule.results import KINDS, result_of
 from validate.schedule.rows import held_configuration_rows, held_point_rows, run_rows
 from validate.schedule.runs import steered_runs
 from validate.schedule.stage import BOTH, stage_of
-from validate.schedule.strategy_ranking import ranking_rows, strategy_rows, yardsticks
+from validate.schedule.strategy_ranking import measures, ranking_rows, strategy_rows
 from validate.schedule.training import calibrate_hallway, training_views
 
 # Of the median over steps and runs, with twelve trials a marker: 1/√(2·36) for each σ, averaged over tens of markers,
@@ -167,13 +167,13 @@ def test_the_claims_of_the_paper_are_answered_from_both_sides(both, held, acquir
         assert row["holds"] in ("yes", "no", "not asked")
         if row["holds"] != "not asked":
             assert row["ci_low"] <= row["value"] <= row["ci_high"]
-            if str(row["figure"]).startswith("mean PSS"):
+            if str(row["statistic"]).startswith("mean PSS"):
                 assert row["of_counts"] * row["per_marker"] == pytest.approx(row["value"])
                 assert row["per_marker_ci_low"] <= row["per_marker"] <= row["per_marker_ci_high"]
     never = [row for row in rows if row["holds"] == "not asked"]
-    assert {row["figure"][:2] for row in never} == {"x8"}
+    assert {row["statistic"][:2] for row in never} == {"x8"}
     # The limit that binds: the same answer on both sides.
-    bound = {row["side"]: row for row in rows if str(row["at"]).startswith("x4") and row["kind"] == "single frame"
+    bound = {row["side"]: row for row in rows if str(row["where"]).startswith("x4") and row["kind"] == "single frame"
              and row["noise_model"] in ("", PHYSICAL_WHOLE)}  # fmt: skip
     assert bound["predicted"]["value"] == pytest.approx(bound["measured"]["value"], rel=0.1)
 
@@ -196,9 +196,11 @@ def test_own_cameras_see_less_than_all(both, held, acquired, calibration):
     assert measured[steps // 2] < 0.7
 
 
-def test_ranking_by_prediction_and_by_yardsticks(both):
+def test_ranking_by_prediction_and_by_measures(both):
     rows = strategy_rows(both)
-    of_prediction = [r for r in rows if r["noise_model"] == PHYSICAL_WHOLE and r["figure"] == "predicted PSS, filter"]
+    of_prediction = [
+        r for r in rows if r["noise_model"] == PHYSICAL_WHOLE and r["statistic"] == "predicted PSS, filter"
+    ]
     assert sorted(r["rank"] for r in of_prediction if r["zoom_limit"] == "none") == [1, 2, 3]
     for row in rows:
         assert row["rank_ci_low"] <= row["rank"] <= row["rank_ci_high"]
@@ -208,7 +210,7 @@ def test_ranking_by_prediction_and_by_yardsticks(both):
     for row in ranking_rows(both):
         assert not row["regret"] < 0  # nan where the median marker is found by nobody
         assert row["chosen"] in ("follow", "swap-to-farther", "swap-to-closer")
-    names = [yardstick.name for yardstick in yardsticks(both)]
+    names = [measure.name for measure in measures(both)]
     assert names == [
         "measured PSS, filter",
         "measured PSS, filter, q ≈ c",
@@ -219,11 +221,11 @@ def test_ranking_by_prediction_and_by_yardsticks(both):
     ]
 
 
-def test_a_yardstick_is_the_plain_figure(both):
+def test_a_measure_is_the_plain_figure(both):
     """Against numpy on the errors themselves."""
     errors = np.array([a.measured.errors.errors_m for a in both.assessments]).reshape(*both.shape, TRIALS, -1, 3)
     distance = np.linalg.norm(errors, axis=-1)
-    found = {yardstick.name: yardstick.values for yardstick in yardsticks(both)}
+    found = {measure.name: measure.values for measure in measures(both)}
     np.testing.assert_allclose(found["share under 1 mm"], (distance < 1e-3).mean(axis=(1, 2, 3)))
     rms = np.sqrt((distance**2).mean(axis=2))
     np.testing.assert_allclose(found["share triangulated"], np.isfinite(distance).mean(axis=(1, 2, 3)))
@@ -398,7 +400,7 @@ def test_at_the_schedules_process_pss_counts_and_at_the_headline_it_does_not(bot
     rows = {(row["q_over_c"], row["noise_model"]): row for row in process_rows(both)}
     assert len(rows) == len(held.levels) * len(both.noise_models)
     own, headline = (rows[held.levels[number].q_over_c, PHYSICAL_WHOLE] for number in (0, both.headline))
-    assert own["schedules_own"] == "yes"
+    assert own["is_schedule_process"] == "yes"
     assert headline["headline"] == "yes"
     assert own["triangulated_share_spearman"] > OF_A_COUNT
     assert headline["triangulated_share_spearman"] < own["triangulated_share_spearman"]
@@ -413,7 +415,7 @@ def test_at_the_schedules_process_pss_counts_and_at_the_headline_it_does_not(bot
 def test_more_frames_are_as_good_as_a_calmer_walk(levels):
     """σ∞ of the position is that of the schedule's own acceleration at the frame rate that the table gives."""
     own, level = levels[0], levels[headline_of_walk(levels)]
-    frames = ConstantVelocity(own.process.acceleration_density_m2_s3, 1 / alike_frame_rate_hz(level, own))
+    frames = ConstantVelocity(own.process.acceleration_density_m2_s3, 1 / equivalent_frame_rate_hz(level, own))
     for sigma_m in (2e-5, 1e-3):
         information = np.zeros((1, 6, 6))
         information[0, :3, :3] = np.eye(3) / sigma_m**2

@@ -100,7 +100,7 @@ def test_the_order_of_strategies_is_that_of_ranking_csv(made):
             zoom_limit="none",
             noise_model=model,
             kind=kind,
-            yardstick=f"measured PSS, {kind}",
+            measure=f"measured PSS, {kind}",
         )
         assert (chosen, best) == (row["chosen"], row["best"])
         assert numbers(rho)[0] == round(float(row["spearman"]), 2)

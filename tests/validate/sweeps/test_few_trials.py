@@ -58,7 +58,7 @@ def test_what_two_trials_cannot_give_is_empty(runs):
     for row in configuration_rows(runs[2].result):
         assert np.isnan([row["measured_pss_ci_low"], row["measured_rms_ci_high_m"]]).all()
     rows = [row for row in correlation_rows(runs[2].result) if row["level"] == "configuration"]
-    assert all(np.isnan(row["regret"]) for row in rows if row["yardstick"] == "measured_pss_single_frame")
+    assert all(np.isnan(row["regret"]) for row in rows if row["measure"] == "measured_pss_single_frame")
     text = io.StringIO()
     show([runs[2].result], runs[2].acquired, Console(file=text, width=200))
     assert "2 trials are too few for intervals of what is measured, and regret; 4 allow both" in text.getvalue()

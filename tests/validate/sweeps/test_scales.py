@@ -38,9 +38,9 @@ def test_at_its_own_scale_a_row_is_that_of_the_correlations(zooming):
     expected = {
         row["noise_model"]: row
         for row in correlation_rows(zooming)
-        if (row["level"], row["metric"], row["yardstick"]) == ("configuration", "pss", "measured_pss_filter")
+        if (row["level"], row["metric"], row["measure"]) == ("configuration", "pss", "measured_pss_filter")
     }
-    rows = [row for row in scale_rows(zooming) if row["times"] == 1]
+    rows = [row for row in scale_rows(zooming) if row["multiplier"] == 1]
     assert {row["noise_model"] for row in rows} == set(expected) == set(MODELS)
     for row in rows:
         for column in ("spearman", "spearman_ci_low", "spearman_ci_high", "n"):
@@ -53,7 +53,7 @@ def test_a_scale_of_r_is_one_of_the_process(zooming):
     rows = scale_rows(zooming)
     assert len(rows) == len(MODELS) * len(SCALES)
     for row in rows:
-        step_m = STEP_M / np.sqrt(row["times"])
+        step_m = STEP_M / np.sqrt(row["multiplier"])
         values = [
             evaluate(
                 each.cameras,
@@ -105,10 +105,10 @@ def test_whole_markers_are_looked_for_by_how_they_look(zooming):
         for step, each in zip(whole, zooming.assessments, strict=True)
     ]
     result = dataclasses.replace(zooming, configurations=tuple(whole), assessments=tuple(assessed))
-    rows = [row for row in scale_rows(result) if row["times"] == 1]
+    rows = [row for row in scale_rows(result) if row["multiplier"] == 1]
     expected = [
         row["spearman"]
         for row in correlation_rows(result)
-        if (row["level"], row["metric"], row["yardstick"]) == ("configuration", "pss", "measured_pss_filter")
+        if (row["level"], row["metric"], row["measure"]) == ("configuration", "pss", "measured_pss_filter")
     ]
     assert [row["spearman"] for row in rows] == pytest.approx(expected, abs=ROUNDING)

@@ -104,7 +104,7 @@ CORRELATION_COLUMNS = [
     "metric",
     "noise_model",
     "level",
-    "yardstick",
+    "measure",
     "cameras",
     "n",
     "spearman",

@@ -102,14 +102,14 @@ def test_a_flat_curve_has_no_optimum_and_no_rank(made):
     (row,) = [
         row
         for row in correlation_rows(made.results[0])
-        if (row["metric"], row["yardstick"], row["noise_model"], row["level"])
+        if (row["metric"], row["measure"], row["noise_model"], row["level"])
         == ("pss-single-frame", "measured_pss_single_frame", "corrected", "configuration")
     ]
     assert np.isnan([row[name] for name in ("spearman", "spearman_ci_low", "kendall", "pearson_log")]).all()
     assert row["measured_flat"] == "yes"
     with (made.folder / "optima.csv").open() as file:
         (row,) = [r for r in csv.DictReader(file) if r["sweep"] == "flat" and (r["side"], r["kind"]) == KEY]
-    assert (row["flat"], row["optimum"], row["place"]) == ("yes", "", "")
+    assert (row["flat"], row["optimum"], row["optimum_position"]) == ("yes", "", "")
 
 
 KEY = ("measured", "single frame")
@@ -123,7 +123,7 @@ def test_a_flat_prediction_ranks_nothing(made):
     rows = {
         row["metric"]: row
         for row in correlation_rows(result)
-        if (row["yardstick"], row["noise_model"], row["level"])
+        if (row["measure"], row["noise_model"], row["level"])
         == ("measured_pss_single_frame", "corrected", "configuration")
     }
     assert rows["pss-single-frame"]["measured_flat"] == "no"
@@ -134,7 +134,7 @@ def test_a_curve_with_an_optimum_keeps_its_rank(made):
     """The sweep of zoom: made-up errors in pixels are smaller in space where the field of view is."""
     with (made.folder / "optima.csv").open() as file:
         (row,) = [r for r in csv.DictReader(file) if r["sweep"] == "mine" and (r["side"], r["kind"]) == KEY]
-    assert (row["flat"], row["optimum"], row["place"]) == ("no", "2", "last")
+    assert (row["flat"], row["optimum"], row["optimum_position"]) == ("no", "2", "last")
     assert row["finding"].startswith("rises ")
     assert row["finding"] in made.shown
 

@@ -76,7 +76,7 @@ def test_frames_are_of_people_who_walk(real, schedule):
 
 def test_the_posterior_is_as_good_as_it_says(tracked):
     rows = tracked.consistency_rows(random_stream(0, "test", "walk"))
-    (both,) = (row for row in rows if row["group"] == "both" and row["least_views"] == 2)
+    (both,) = (row for row in rows if row["group"] == "both" and row["min_views"] == 2)
     assert POSTERIOR_NEES[0] < both["posterior_nees_per_dof"] < POSTERIOR_NEES[1]
     assert both["share_tracked"] > 0.05
     parts = {row["group"] for row in rows}

@@ -38,7 +38,7 @@ def made(errors, covariance, prior_factor=2.0, lost=None):
         gated=np.zeros_like(used),
         lost=lost,
         losses=np.zeros(shape[1:], dtype=int),
-        found_again=np.zeros(shape[1:], dtype=int),
+        reacquired=np.zeros(shape[1:], dtype=int),
     )
 
 
@@ -48,12 +48,12 @@ def drawn(rng, shape):
     return (root @ rng.standard_normal((*shape, 3, 1)))[..., 0], root @ root.mT
 
 
-def rows_of(tracks, groups=None, seed=0, least_views=0, **keys):
+def rows_of(tracks, groups=None, seed=0, min_views=0, **keys):
     frames, _, markers, _ = tracks.posterior_m.shape
     groups = {"all": np.ones(markers, dtype=bool)} if groups is None else groups
     rows = consistency(tracks, np.zeros((frames, markers, 3)), groups, np.random.default_rng(seed), **keys)
     assert [row["group"] for row in rows] == [name for name in groups for _ in range(2)]
-    return [row for row in rows if row["least_views"] == least_views]
+    return [row for row in rows if row["min_views"] == min_views]
 
 
 # ---- consistency -----------------------------------------------------------------------------------------------------
@@ -72,7 +72,7 @@ def test_errors_of_the_stated_covariance_have_nees_and_coverage_as_they_should()
             share = percent / 100
             assert row[f"{kind}_coverage_{percent}"] == pytest.approx(share, abs=band * np.sqrt(share * (1 - share)))
         assert row[f"{kind}_nees_per_dof_ci_low"] < 1 < row[f"{kind}_nees_per_dof_ci_high"]
-        assert row[f"{kind}_rms_m"] == pytest.approx(row[f"{kind}_believed_rms_m"], rel=band)
+        assert row[f"{kind}_rms_m"] == pytest.approx(row[f"{kind}_claimed_rms_m"], rel=band)
     (small,) = rows_of(made(errors, 0.75 * covariance))
     assert small["posterior_nees_per_dof"] == pytest.approx(row["posterior_nees_per_dof"] / 0.75, rel=SAME)
     assert small["posterior_nees_per_dof_ci_low"] > 1
@@ -88,7 +88,7 @@ def test_groups_lost_tracks_and_counts_by_hand():
     errors[:, :, 4] = np.nan  # never tracked
     covariance[:, :, 4] = np.nan
     tracks = made(errors, covariance, lost=lost)
-    tracks.losses[0, 1] = tracks.found_again[0, 1] = 1
+    tracks.losses[0, 1] = tracks.reacquired[0, 1] = 1
     tracks.used[0, 0, :, 0], tracks.gated[0, 0, :, 0] = False, True
     tracks.prior_m[3:5, 0, 1] = 100.0
     tracks.prior_m[2, 0, 1] = 0.001  # the track was lost only after this prediction
@@ -103,10 +103,10 @@ def test_groups_lost_tracks_and_counts_by_hand():
         np.mean([x @ np.linalg.inv(c) @ x / 3 for x, c in zip(e, P, strict=True)]), rel=SAME
     )
     assert first["posterior_rms_m"] == pytest.approx(np.sqrt((e**2).sum() / len(e)), rel=SAME)
-    assert first["posterior_believed_rms_m"] == pytest.approx(np.sqrt(np.trace(P.mean(axis=0))), rel=SAME)
+    assert first["posterior_claimed_rms_m"] == pytest.approx(np.sqrt(np.trace(P.mean(axis=0))), rel=SAME)
     assert first["prior_rms_m"] < 0.1
-    assert (first["losses"], first["found_again"], first["share_gated"]) == (1, 1, 0)
-    assert (others["losses"], others["found_again"]) == (0, 0)
+    assert (first["track_losses"], first["reacquired"], first["share_gated"]) == (1, 1, 0)
+    assert (others["track_losses"], others["reacquired"]) == (0, 0)
     assert others["share_tracked"] == pytest.approx(3 / 4)
     assert others["share_gated"] == pytest.approx(2 / (6 * 2 * 2 * 4))
 
@@ -116,7 +116,7 @@ def test_cells_of_two_views_are_told_apart_from_those_of_one():
     tracks = made(errors, covariance)
     tracks.used[:4, 0, 1, 2] = False
     tracks.posterior_m[:4, 1, 2] = 5.0
-    (every,), (two,) = (rows_of(tracks, least_views=least) for least in (0, 2))
+    (every,), (two,) = (rows_of(tracks, min_views=least) for least in (0, 2))
     kept = tracks.used.all(axis=1)
     assert (every["posterior_cells"], two["posterior_cells"]) == (36, 32)
     assert two["share_tracked"] == pytest.approx(32 / 36)
@@ -226,7 +226,7 @@ def test_a_straight_walk_needs_no_density_and_a_swing_that_of_its_closed_form():
     )
     assert both["density_m2_s3"] == pytest.approx(density / 2, rel=SAME)
     assert both["largest_density_m2_s3"] == swings["density_m2_s3"] == swings["largest_density_m2_s3"]
-    assert swings["over_told"] == pytest.approx(density / 0.5, rel=SAME)
+    assert swings["density_over_assumed"] == pytest.approx(density / 0.5, rel=SAME)
     assert swings["prediction_rms_m"] == pytest.approx(np.sqrt(mean_square_m2), rel=SAME)
     largest_m = np.abs(np.diff(truth[:, 1, 1], n=2)).max()
     assert swings["largest_sigmas"] == pytest.approx(largest_m / np.sqrt(0.5 * 2 / 3 * STEP_S**3), rel=SAME)

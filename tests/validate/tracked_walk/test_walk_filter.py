@@ -246,7 +246,7 @@ def test_a_hidden_marker_is_lost_coasts_and_is_found_by_its_gate(cameras):
     np.testing.assert_array_equal(np.flatnonzero(tracks.lost[:, 0, 1]), [12, 13, 14])
     expected = [[0, 1, 0, 0, 0, 0]]
     np.testing.assert_array_equal(tracks.losses, expected)
-    np.testing.assert_array_equal(tracks.found_again, expected)
+    np.testing.assert_array_equal(tracks.reacquired, expected)
     size = np.trace(tracks.posterior_covariance_m2[:, 0, 1], axis1=-2, axis2=-1)
     assert (np.diff(size[7:15]) > 0).all()
     np.testing.assert_array_equal(tracks.posterior_m[8:15, 0, 1], tracks.prior_m[8:15, 0, 1])
@@ -267,7 +267,7 @@ def test_a_marker_that_jumps_is_lost_and_starts_anew(cameras):
     assert tracks.used[13, :, 0, 3].all()
     assert not tracks.gated[13, :, 0, 3].any()
     np.testing.assert_array_equal(tracks.losses, [[0, 0, 0, 1, 0, 0]])
-    np.testing.assert_array_equal(tracks.found_again, tracks.losses)
+    np.testing.assert_array_equal(tracks.reacquired, tracks.losses)
     assert not tracks.lost[13:].any()
     assert rms_m(tracks.posterior_m[13:, 0, 3] - truth[13:, 3]) < 0.005
 
@@ -283,7 +283,7 @@ def test_a_track_that_keeps_the_view_in_line_with_its_error_is_lost_and_starts_a
     np.testing.assert_array_equal(tracks.used[10:12, [0, 3], 0, 0], [[True, False]] * 2)
     np.testing.assert_array_equal(tracks.gated[10:12, [0, 3], 0, 0], [[False, True]] * 2)
     assert tracks.used[12:, [0, 3], 0, 0].all()
-    assert (tracks.losses[0, 0], tracks.found_again[0, 0]) == (1, 1)
+    assert (tracks.losses[0, 0], tracks.reacquired[0, 0]) == (1, 1)
     assert rms_m(tracks.posterior_m[12:, 0, 0] - truth[12:, 0]) < 0.005
 
 
@@ -324,7 +324,7 @@ def test_no_detection_at_all_is_nan_everywhere(cameras):
     tracks = track_walk(cameras, pixels, np.full((*pixels.shape, 2), np.nan), SLOW)
     assert np.isnan(tracks.prior_m).all()
     assert np.isnan(tracks.posterior_covariance_m2).all()
-    for counted in (tracks.used, tracks.gated, tracks.lost, tracks.losses, tracks.found_again):
+    for counted in (tracks.used, tracks.gated, tracks.lost, tracks.losses, tracks.reacquired):
         assert not counted.any()
 
 
@@ -336,7 +336,7 @@ def test_trials_together_and_apart_are_the_same(cameras):
     settings = WalkFiltering(lost_after_frames=2)
     together = tracked(cameras, pixels, settings)
     assert together.losses.any()
-    assert together.found_again.any()
+    assert together.reacquired.any()
     for trial in range(3):
         apart = tracked(cameras, pixels[:, :, [trial]], settings)
         np.testing.assert_allclose(apart.posterior_m[:, 0], together.posterior_m[:, trial], atol=SAME_TO_ROUNDING_M)
