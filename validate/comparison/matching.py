@@ -78,7 +78,8 @@ QUANTITIES: dict[str, tuple[Quantity, ...]] = {
     ),
     "strategies": (
         Quantity(
-            "strategies", "value", "ci_low", "ci_high", ("avatar", "zoom_limit", "statistic", "noise_model", "strategy"),
+            "strategies", "value", "ci_low", "ci_high",
+            ("avatar", "zoom_limit", "statistic", "noise_model", "strategy"),
             True, {"avatar": ("both",), "zoom_limit": ("none",)},
         ),
     ),

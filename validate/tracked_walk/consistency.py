@@ -138,7 +138,7 @@ class _Kind:
         flat = (-1, errors.shape[2])
         covariance = np.where(lost[..., None, None], np.nan, covariance_m2).reshape(*flat, 3, 3)
         self.squares_m2 = (errors**2).sum(axis=-1).reshape(flat)
-        self.believed_m2 = np.trace(covariance, axis1=-2, axis2=-1)
+        self.claimed_m2 = np.trace(covariance, axis1=-2, axis2=-1)
         self.judged: Consistency = of_errors(errors.reshape(-1, 1, *errors.shape[2:]), covariance)
 
     def row(self, cells: Bools, resamples: Resamples, predicted_m2: Floats | None) -> Row:
@@ -154,7 +154,7 @@ class _Kind:
             found |= _mean_with_interval(f"coverage_{round(100 * level)}", of_these(inside), resamples, most=1.0)
         mean_squares = _mean_with_interval("rms_m", squares, resamples)
         found |= {column: float(np.sqrt(value)) for column, value in mean_squares.items()}
-        found["claimed_rms_m"] = _root_mean(of_these(self.believed_m2))
+        found["claimed_rms_m"] = _root_mean(of_these(self.claimed_m2))
         if predicted_m2 is not None:
             expected = np.repeat(np.trace(predicted_m2, axis1=-2, axis2=-1), self.trials, axis=0)
             both = np.isfinite(squares) & np.isfinite(expected)

@@ -65,7 +65,7 @@ def test_only_one_module_reads_and_writes_csv():
 def test_columns_of_version_0_1_are_read_under_their_present_names(tmp_path):
     """Also the head alone; an old name that stands beside its present one is another column."""
     path = tmp_path / "leaderboard.csv"
-    path.write_text("metric,measure,equivalent_to\npss,median_rms_m,\n")
+    path.write_text("metric,yardstick,twin_of\npss,median_rms_m,\n")
     assert read_head(path) == ["metric", "measure", "equivalent_to"]
     assert read_csv(path) == [{"metric": "pss", "measure": "median_rms_m", "equivalent_to": ""}]
     path.write_text("minus,baseline\na,b\n")
