@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from validate.commands.overview import COMMANDS
+from validate.commands.subcommands import SUBCOMMANDS
 from validate.comparison.matching import QUANTITIES
 from validate.run_sweep import main
 
@@ -62,7 +62,7 @@ def test_what_is_not_run_is_on_the_page():
 
 def test_the_page_names_every_command_and_comparison():
     """And pictures and links lead somewhere."""
-    for name in (*COMMANDS, *QUANTITIES, "settings"):
+    for name in (*SUBCOMMANDS, *QUANTITIES, "settings"):
         assert f"`{name}`" in PAGE, name
     for link in re.findall(r"\]\(([^)#:]+)\)", PAGE):
         assert (ROOT / "docs" / link).exists(), link

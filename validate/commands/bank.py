@@ -6,10 +6,8 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Literal
 
 import numpy as np
-import tyro
 from rich.table import Table
 
 import scenes
@@ -22,7 +20,6 @@ from scenes.steps.sweep_file import SWEEPS
 from validate.acquire.acquire import Acquired
 from validate.acquire.forecast import announce
 from validate.acquire.messages import RunMessages
-from validate.acquire.options import HERE, Scale
 from validate.acquire.source import ViewSource, end_run, open_source
 from validate.bank.acquire import acquire_banks, calibrate, enough
 from validate.bank.ceilings import oracle_rows, parts_rows
@@ -48,6 +45,7 @@ from validate.bank.leaderboard import leaderboard
 from validate.bank.process_noise import process_levels, process_rows
 from validate.bank.sensitivity import scale_rows, sensitivity_rows
 from validate.bank.size_bins import size_rows
+from validate.commands.subcommands import Bank
 from validate.findings.bank import bank_findings
 from validate.prediction.frozen import FrozenCalibration, leave, provenance_of, read_frozen
 from validate.prediction.process_levels import Level
@@ -55,12 +53,11 @@ from validate.runs.console import Console
 from validate.runs.csv_rows import read_tables
 from validate.runs.exit_codes import EXIT_DONE
 from validate.runs.outputs import check_folders
-from validate.runs.program import program_name
 from validate.runs.progress import clock
 from validate.runs.run_file import write_run
 from validate.sweeps.rows import write_csv
 
-__all__ = ["run"]
+__all__ = ["execute"]
 
 
 SECOND_SCENE = "atrium.toml"
@@ -75,62 +72,24 @@ FITTED_ON = 2
 FEWEST_CONFIGURATIONS = 3
 
 
-def run(
-    scene: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
-    second_scene: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
-    calibration: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
-    out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("results/bank"),
-    store: Annotated[str, tyro.conf.arg(metavar="DIR")] = "results/store",
-    settings: int = 10,
-    configurations: int = 500,
-    trials: int = 10,
-    turns: int = 2,
-    seed: int = 1,
-    set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="KEY=VALUE")] = (),
-    variant: Literal["llvm_ad_mono", "cuda_ad_mono", "scalar_rgb"] | None = None,
-    dry_run: bool = False,
-    allow_outside: bool = False,
-    quiet: bool = False,
-    scale: Annotated[Scale, tyro.conf.arg(name="")] = HERE,
-) -> int:
-    """Judge all metrics and noise models on configurations drawn from a bank of views.
-
-    Exit codes are those of sweeps (--help, docs/runs.md).
-
-    Args:
-        scene: scene file (default: the room).
-        second_scene: another room, in which the calibration is judged without refitting (default: the atrium; with
-            --calibration or --set: none).
-        calibration: judge with this calibration as it is ("calibrated" for the shipped one); no training views are
-            rendered and nothing is fitted.
-        out: folder for the results.
-        store: folder of rendered views and measurements, shared by all runs, or an address (docs/store.md).
-        settings: views of each camera.
-        configurations: of each of 2, 3, 4 and 6 cameras.
-        trials: noisy captures of each render.
-        turns: renders of each view at slightly turned settings.
-        seed: of settings, captures and draws.
-        set: override a key of the scene file; may be repeated.
-        variant: Mitsuba's variant (default: LLVM if a libLLVM is found, else scalar).
-        dry_run: say what would be done, how long it would take and how much it would fill, and stop.
-        allow_outside: let files name others outside their folder (see "Files from others" in docs/scenes.md).
-        quiet: print nothing but errors and the last line, which says where the results are.
-        scale: where views are made (docs/scale.md).
-    """
-    scale.check()
-    design = BankDesign(settings=settings, trials=trials, turns=turns, seed=seed)
+def execute(options: Bank) -> int:
+    """Judge metrics and noise models on a bank of views, save and print the tables; the exit code."""
+    shared, out, configurations = options.run, options.out, options.configurations
+    shared.scale.check()
+    design = BankDesign(settings=options.settings, trials=options.trials, turns=options.turns, seed=options.seed)
     if configurations < FEWEST_CONFIGURATIONS:
         raise RangeError(f"--configurations {configurations}; allowed: {FEWEST_CONFIGURATIONS} or more, to be ranked")
-    check_folders(out, store)
-    with RunMessages(quiet, width=WIDTH) as messages:
-        source = open_source(store, variant, messages, scale)
-        frozen = None if calibration is None else read_frozen(calibration)
+    check_folders(out, shared.store)
+    with RunMessages(shared.quiet, width=WIDTH) as messages:
+        source = open_source(shared.store, shared.variant, messages, shared.scale)
+        frozen = None if options.calibration is None else read_frozen(options.calibration)
         # Overrides are of the first scene alone: beside it in another light, the second as it is would say nothing.
-        judged_as_usual = frozen is None and not set
+        judged_as_usual = frozen is None and not shared.set
+        second_scene = options.second_scene
         if judged_as_usual and second_scene is None and (SWEEPS.parent / SECOND_SCENE).exists():
             second_scene = SWEEPS.parent / SECOND_SCENE
-        banks = _banks(scene, second_scene, set, allow_outside, design, source.renderer)
-        if not dry_run:
+        banks = _banks(options.scene, second_scene, shared.set, shared.allow_outside, design, source.renderer)
+        if not shared.dry_run:
             return _judge_all(banks, frozen, design, configurations, out, source)
         banks = _rendered(banks, frozen)
         counts = [
@@ -349,8 +308,3 @@ def _consistency_table(name: str, rows: list[Row]) -> Table:
 def _interval(row: Row, name: str) -> str:
     value, low, high = (float(str(row.get(key, "nan"))) for key in (name, f"{name}_ci_low", f"{name}_ci_high"))
     return "" if np.isnan(value) else f"{value:.3g} [{low:.3g}, {high:.3g}]"
-
-
-def main(arguments: list[str]) -> int:
-    """Parse the subcommand's own arguments and run it."""
-    return tyro.cli(run, prog=f"{program_name()} bank", args=arguments)

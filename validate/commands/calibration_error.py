@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal
 
-import tyro
 from rich.table import Table
 
 import scenes
@@ -19,20 +17,19 @@ from scenes import Scene
 from scenes.steps.sweep_file import SWEEPS
 from validate.acquire.acquire import Acquired
 from validate.acquire.messages import RunMessages
-from validate.acquire.options import HERE, Scale
 from validate.acquire.source import end_run, open_source
 from validate.bank.acquire import acquire_banks, calibrate, enough
 from validate.bank.calibration_predicted import Predictions
 from validate.bank.calibration_study import IN_WEIGHTS, OWN, study
 from validate.bank.design import BankDesign, ViewBank, draw_configurations, held_out_views, training_views
 from validate.bank.judge import appearance_of, data_of, noise_models, visibilities
+from validate.commands.subcommands import CalibrationError
 from validate.plots.calibration_error import draw
 from validate.runs.console import Console
 from validate.runs.outputs import check_folders
-from validate.runs.program import program_name
 from validate.sweeps.rows import write_csv
 
-__all__ = ["main", "run", "without_effect"]
+__all__ = ["execute", "without_effect"]
 
 # What the project's scenes list; nothing is expected of it here.
 USUAL_MODELS = ("as-printed", "corrected", "physical")
@@ -45,49 +42,22 @@ SCALES = (("pan_tilt_deg", 1), ("focal_share", 100), ("position_m", 1000))
 WIDTH = 140
 
 
-def run(
-    scene: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
-    out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("results/calibration-error"),
-    store: Annotated[str, tyro.conf.arg(metavar="DIR")] = "results/store",
-    settings: int = 10,
-    configurations: int = 200,
-    trials: int = 10,
-    turns: int = 2,
-    seed: int = 1,
-    variant: Literal["llvm_ad_mono", "cuda_ad_mono", "scalar_rgb"] | None = None,
-    allow_outside: bool = False,
-    scale: Annotated[Scale, tyro.conf.arg(name="")] = HERE,
-) -> int:
-    """Rank configurations of four cameras whose pan, tilt, focal length and place are off by unknown errors.
-
-    It shares its views with `bank`, whose options these are; with another scene or other options it renders its own.
-
-    Args:
-        scene: scene file (default: the room).
-        out: folder for the results.
-        store: folder of rendered views and measurements, shared by all runs, or an address (docs/store.md).
-        settings: views of each camera.
-        configurations: of four cameras.
-        trials: noisy captures of each render.
-        turns: renders of each view at slightly turned settings.
-        seed: of settings, captures and draws.
-        variant: Mitsuba's variant (default: LLVM if a libLLVM is found, else scalar).
-        allow_outside: let files name others outside their folder (see "Files from others" in docs/scenes.md).
-        scale: where views are made (docs/scale.md).
-    """
-    scale.check()
-    check_folders(out, store)
-    design = BankDesign(settings=settings, trials=trials, turns=turns, seed=seed)
-    loaded = scenes.load(scene or SWEEPS.parent / "room.toml", allow_outside=allow_outside)
+def execute(options: CalibrationError) -> int:
+    """Rank the configurations, save and print the table; the exit code."""
+    out, rendering = options.out, options.rendering
+    options.scale.check()
+    check_folders(out, rendering.store)
+    design = BankDesign(settings=options.settings, trials=options.trials, turns=options.turns, seed=options.seed)
+    loaded = scenes.load(options.scene or SWEEPS.parent / "room.toml", allow_outside=options.allow_outside)
     with RunMessages(width=WIDTH) as messages:
-        source = open_source(store, variant, messages, scale)
-        messages.start(out, "calibration-error", store=store)
+        source = open_source(rendering.store, rendering.variant, messages, options.scale)
+        messages.start(out, "calibration-error", store=rendering.store)
         for line in without_effect(loaded):
             messages.warn(line)
         wanted = training_views(loaded, design, source.renderer), held_out_views(loaded, design, source.renderer)
         acquired, (training, bank) = acquire_banks(wanted, source)
         if enough(training, bank, CAMERAS, messages):
-            _rank(training, bank, acquired, design, configurations, out, messages.console)
+            _rank(training, bank, acquired, design, options.configurations, out, messages.console)
         return end_run(f"results in {out}", acquired, messages)
 
 
@@ -152,8 +122,3 @@ def beside(rows: Sequence[Row]) -> list[tuple[Row, Row | None]]:
 def _interval(row: Row, name: str) -> str:
     value, low, high = (float(str(row[key])) for key in (name, f"{name}_low", f"{name}_high"))
     return f"{value:.2f} [{low:.2f}, {high:.2f}]"
-
-
-def main(arguments: list[str]) -> int:
-    """Parse the subcommand's own arguments and run it."""
-    return tyro.cli(run, prog=f"{program_name()} calibration-error", args=arguments)

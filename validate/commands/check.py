@@ -6,64 +6,46 @@ import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal
 
 import numpy as np
-import tyro
 from rich.table import Table
 
 import scenes
 from pss import RangeError
 from pss.hints import Row
 from scenes.reading.document import named_file, read_toml
+from validate.commands.subcommands import Check
 from validate.markers.darkness import light_words
 from validate.prediction.foresight import Foreseen, camera_rows, foresee, headline, marker_rows, model_rows
 from validate.prediction.own_metrics import OWN_COLUMN, own_metrics
 from validate.prediction.warnings import warnings_of
 from validate.runs.console import Console
-from validate.runs.program import program_name
 from validate.runs.table_text import table_text
 
-__all__ = ["main", "run"]
+__all__ = ["execute"]
 
 SCENES = Path(__file__).parents[2] / "scenes"
 DRAWINGS = (".png", ".pdf", ".svg")
 _COUNTS = ("markers_visible", "whole", "too_small", "too_blurred", "too_dark", "likely_found")
 
 
-def run(
-    scene: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")],
-    /,
-    out: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
-    table: Literal["csv", "md", "tex"] | None = None,
-    rows: Literal["cameras", "markers", "models"] = "cameras",
-    set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="KEY=VALUE")] = (),
-    allow_outside: bool = False,
-) -> int:
-    """Say what each camera of a scene will see, and draw the plan; nothing is rendered.
-
-    The light on the markers is estimated. Sizes are in pixels (px), σ in millimetres (mm), PSS in 1/m.
-
-    Args:
-        scene: path of a scene file, or the name of one in scenes/.
-        out: file of the drawing, .png, .pdf or .svg (default: results/check/ and the scene's name, .png).
-        table: print one table in this form, and nothing else on stdout.
-        rows: which one: of cameras, of markers, or of noise models.
-        set: override a key of the scene file; may be repeated.
-        allow_outside: let files name others outside their folder (see "Files from others" in docs/scenes.md).
-    """
-    path = named_file(scene, SCENES, "scene")
-    if out is not None and out.suffix.lower() not in DRAWINGS:
-        raise RangeError(f"--out {out}; allowed: a file that ends in {', '.join(DRAWINGS)}")
+def execute(options: Check) -> int:
+    """Print what the cameras will see, and draw the plan; the exit code."""
+    path = named_file(options.scene, SCENES, "scene")
+    if options.out is not None and options.out.suffix.lower() not in DRAWINGS:
+        raise RangeError(f"--out {options.out}; allowed: a file that ends in {', '.join(DRAWINGS)}")
     document = read_toml(path)
-    drawing = out or Path("results") / "check" / f"{path.stem}.png"
+    drawing = options.out or Path("results") / "check" / f"{path.stem}.png"
     if "vary" in document and "room" not in document:
         raise RangeError(f"{path} is a sweep; allowed: a scene, such as its own: {document.get('scene')}")
-    seen = foresee(scenes.load(path, set, allow_outside=allow_outside))
+    seen = foresee(scenes.load(path, options.files.set, allow_outside=options.files.allow_outside))
     errors = Console(stderr=True)
-    if table is not None:
+    if options.table is not None:
         print(
-            table_text({"cameras": camera_rows, "markers": marker_rows, "models": model_rows}[rows](seen), table),
+            table_text(
+                {"cameras": camera_rows, "markers": marker_rows, "models": model_rows}[options.rows](seen),
+                options.table,
+            ),
             end="",
         )
     else:
@@ -163,8 +145,3 @@ def _models(rows: Sequence[Row]) -> Table:
         words += [f"{row[OWN_COLUMN + metric.name]:.4g}" for metric in own_metrics()]
         table.add_row(str(row["noise_model"]), f"{row['observable']} of {row['markers']}", *words)
     return table
-
-
-def main(arguments: list[str]) -> int:
-    """Parse the subcommand's own arguments and run it."""
-    return tyro.cli(run, prog=f"{program_name()} check", args=arguments)

@@ -5,22 +5,20 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal
 
-import tyro
 from rich.table import Table
 
 from pss.hints import Row
 from render.store.folder import StoreError
+from validate.commands.subcommands import Compare
 from validate.comparison.cells import cells
 from validate.comparison.matching import QUANTITIES, Quantity, matched
 from validate.comparison.sides import Side, settings_rows, sides_of
 from validate.runs.console import Console
 from validate.runs.folder_lock import alone_in
-from validate.runs.program import program_name
 from validate.runs.table_text import table_text
 
-__all__ = ["compared", "main", "run"]
+__all__ = ["compared", "execute"]
 
 
 # Wide enough that no interval is broken.
@@ -35,35 +33,15 @@ MOST_SETTINGS, SEVERAL = 12, 3
 ALWAYS_SHOWN = ("value", "noise_model")
 
 
-def run(
-    runs: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="RUN…")],
-    /,
-    rows: Literal[
-        "settings", "measured", "predicted", "correlation", "leaderboard", "agreement", "strategies", "slopes"
-    ]
-    | None = None,
-    table: Literal["csv", "md", "tex"] | None = None,
-    out: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
-    report: bool = True,
-) -> int:
-    """Set the tables of two or more runs side by side, with differences from the first and 95 % intervals.
-
-    A RUN is a folder of results, or some of its rows: results/zoom@noise_model=physical, results/bank@metric=pss.
-    Ratios and differences have intervals as of independent runs: too wide, if runs share markers or seeds.
-
-    Args:
-        runs: folders that runs left; the first is what the others are compared with.
-        rows: what is compared (default: what differs in the settings, what was measured, and the correlations).
-        table: print one table in this form, with all its rows, and nothing else (default of --rows: measured).
-        out: the page (default: results/compare/compare.html, which --rows and --table leave as it is).
-        report: write the page, which shows the comparison in a browser.
-    """
+def execute(options: Compare) -> int:
+    """Print the comparison, and write its page; the exit code."""
+    rows, table, out = options.rows, options.table, options.out
     if out is not None and out.suffix != ".html":
         raise StoreError(f"{out} is no page; allowed: a file that ends in .html")
-    sides = sides_of(runs)
+    sides = sides_of(options.runs)
     if table is not None:
         print(table_text([*compared(sides, rows or "measured")], table), end="")
-        if out is not None and report:
+        if out is not None and options.report:
             _page(sides, out)
         return 0
     # In a file or a pipe the tables keep their columns.
@@ -80,7 +58,7 @@ def run(
             _show(sides, name, quantity, console, short=rows is None)
     if rows is None and not any(matched(sides, quantity) for name in OF_STEPS for quantity in QUANTITIES[name]):
         console.print(nothing_alike(sides, "measured"), markup=False, highlight=False, soft_wrap=True)
-    if report and (out is not None or rows is None):
+    if options.report and (out is not None or rows is None):
         console.print(str(_page(sides, out)), markup=False, highlight=False, soft_wrap=True)
     return 0
 
@@ -189,8 +167,3 @@ def _show(sides: Sequence[Side], name: str, quantity: Quantity, console: Console
         previous = row.get("sweep")
         table.add_row(*(str(row[key]) for key in keys), *cells(row, labels, what))
     console.print(table)
-
-
-def main(arguments: list[str]) -> int:
-    """Parse the subcommand's own arguments and run it."""
-    return tyro.cli(run, prog=f"{program_name()} compare", args=arguments)

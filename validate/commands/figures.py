@@ -5,9 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, Literal
 
-import tyro
 from matplotlib.figure import Figure
 
 import scenes
@@ -23,49 +21,30 @@ from validate.acquire.acquire import Acquired, Acquisition
 from validate.acquire.messages import RunMessages
 from validate.acquire.source import ViewSource
 from validate.acquire.view_names import view_names
+from validate.commands.subcommands import Figures
 from validate.runs.folder_lock import alone_in
 from validate.runs.outputs import check_folders
-from validate.runs.program import program_name
 from validate.runs.progress import EXPECTED_SECONDS, clock
 from validate.runs.table_text import table_text
 from validate.sweeps.sweep import assess_sweep, plan
 
-__all__ = ["main", "run"]
+__all__ = ["execute"]
 
 
 FIGURES = (1, 2, 3, 4)
 SCHEDULE = "hallway"
 
 
-def run(
-    figures: Annotated[tuple[int, ...], tyro.conf.Positional, tyro.conf.arg(metavar="FIGURE…")] = FIGURES,
-    /,
-    out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("results/figures"),
-    store: Annotated[str, tyro.conf.arg(metavar="DIR")] = "results/store",
-    table: Literal["csv", "md", "tex"] | None = None,
-    variant: Literal["llvm_ad_mono", "cuda_ad_mono", "scalar_rgb"] | None = None,
-    dry_run: bool = False,
-) -> int:
-    """Draw the paper's figures from our own runs: 1 zoom, 2 focus, 3 camera selection, 4 two people in a hallway.
-
-    Each as PDF and SVG, 7 inches wide. What is not in the store is rendered: eight to ten minutes for Figures 1 to 3,
-    half an hour for Figure 4.
-
-    Args:
-        figures: which.
-        out: folder for the files.
-        store: folder of rendered views and measurements, shared by all runs, or an address (docs/store.md).
-        table: also write the numbers of each figure's curves as a table in this form.
-        variant: Mitsuba's variant (default: LLVM if a libLLVM is found, else scalar).
-        dry_run: say how many views are missing, and stop.
-    """
-    for number in figures:
+def execute(options: Figures) -> int:
+    """Draw the paper's figures from the store, rendering what it lacks; the exit code."""
+    out, rendering = options.out, options.rendering
+    for number in options.figures:
         if number not in FIGURES:
             raise RangeError(f"figure {number}; allowed: {', '.join(str(each) for each in FIGURES)}")
-    check_folders(out, store)
-    with RunMessages() as messages, contextlib.nullcontext() if dry_run else alone_in(out):
-        source = ViewSource(open_store(store), store, backend.choose(variant), messages)
-        _make_all(figures, out, table, source, dry_run)
+    check_folders(out, rendering.store)
+    with RunMessages() as messages, contextlib.nullcontext() if options.dry_run else alone_in(out):
+        source = ViewSource(open_store(rendering.store), rendering.store, backend.choose(rendering.variant), messages)
+        _make_all(options.figures, out, options.table, source, options.dry_run)
     return 0
 
 
@@ -145,8 +124,3 @@ def _write(number: int, out: Path, table: str | None, draw: Callable[[], Figure]
         paths.append(out / f"{name}.{table}")
         write_text(paths[-1], table_text(rows, table))
     return paths
-
-
-def main(arguments: list[str]) -> int:
-    """Parse the subcommand's own arguments and run it."""
-    return tyro.cli(run, prog=f"{program_name()} figures", args=arguments)

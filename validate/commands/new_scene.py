@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Annotated
-
-import tyro
 
 from pss import RangeError
 from render.store.folder import StoreError, write_text
@@ -14,9 +11,10 @@ from scenes.reading.spec import Spec
 from scenes.schema.reference import described_keys
 from scenes.schema.scene_tables import SceneSpec
 from scenes.steps.sweep_file import SweepSpec
+from validate.commands.subcommands import NewScene
 from validate.runs.program import named_as_called, program_name
 
-__all__ = ["main", "write_new_scene"]
+__all__ = ["execute", "write_new_scene"]
 
 TEMPLATES = Path(__file__).parents[2] / "scenes" / "templates"
 # Stands for the scene's name in the templates.
@@ -52,26 +50,10 @@ def _text(kind: str, name: str, model: type[Spec]) -> str:
     return f"{body}\n{RULE}\n# All that a {kind} file may say, key by key\n{RULE}\n#\n{described_keys(model)}\n"
 
 
-def run(
-    name: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="NAME")] = "my-room",
-    /,
-    out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("."),
-) -> int:
-    """Write a scene and a sweep to start from: NAME.toml and NAME-sweep.toml.
-
-    The scene is a room with five cameras; comments explain every key with its unit. What is there is not overwritten.
-
-    Args:
-        name: of the scene.
-        out: folder for the two files.
-    """
-    scene, sweep = write_new_scene(name, out)
+def execute(options: NewScene) -> int:
+    """Write the two files and print what comes next; the exit code."""
+    scene, sweep = write_new_scene(options.name, options.out)
     print(f"wrote {scene} and {sweep}; next:")
     print(f"  {program_name()} check {scene}      what each camera will see, without rendering")
     print(f"  {program_name()} {sweep}      render, measure and compare: about a minute")
     return 0
-
-
-def main(arguments: list[str]) -> int:
-    """Parse the subcommand's own arguments and run it."""
-    return tyro.cli(run, prog=f"{program_name()} new-scene", args=arguments)

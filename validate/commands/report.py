@@ -7,9 +7,7 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
-
-import tyro
+from typing import Any
 
 import scenes
 from pss import Evaluation
@@ -25,6 +23,7 @@ from render.store.remote import open_store
 from scenes import load_sweep
 from validate.acquire.acquire import Acquisition
 from validate.acquire.auto_exposure import with_exposures
+from validate.commands.subcommands import Report
 from validate.markers.view_measurement import ViewMeasurement
 from validate.pages.data import read_sweeps
 from validate.pages.gltf import write_models
@@ -41,7 +40,7 @@ from validate.runs.program import program_name
 from validate.runs.run_file import listed, needed, option, read_run
 from validate.sweeps.sweep import Plan, SweepResult, plan
 
-__all__ = ["REPORT", "SweepForReport", "main", "of_results", "remade", "source_of_report", "write_report"]
+__all__ = ["REPORT", "SweepForReport", "execute", "of_results", "remade", "source_of_report", "write_report"]
 
 
 NOTHING_GIVEN = Given()
@@ -193,33 +192,9 @@ def _from_store(made: Plan, labels: tuple[str, ...], store: Store, chosen: backe
     return SweepForReport(made, labels, tuple(predictions), measured)
 
 
-def run(
-    folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FOLDER")],
-    /,
-    store: Annotated[str | None, tyro.conf.arg(metavar="DIR")] = None,
-    scene: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
-    file: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="FILE")] = (),
-    strategy: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="FILE:FUNCTION")] = (),
-    allow_outside: bool = False,
-) -> int:
-    """Make report.html and scene.glb of a finished run again, from its CSV files and the store.
-
-    Of what the folder's run.json names, sweeps and scenes of the project, files in the folder and results/store are
-    used. All else is given anew: the folder may be a stranger's.
-
-    Args:
-        folder: results that a run of sweeps or of a schedule has left.
-        store: folder of rendered views and measurements, or an address.
-        scene: scene file that was given to the run in place of the sweeps' own.
-        file: sweep or schedule file of one's own that was given to the run; may be repeated.
-        strategy: a schedule's strategies of one's own, as they were given to it: their files are run.
-        allow_outside: let the folder and files name others outside (see "Files from others" in docs/scenes.md).
-    """
+def execute(options: Report) -> int:
+    """Write the report of a finished run again, and print its path; the exit code."""
+    folder, given = options.folder, Given(options.store, options.scene, options.file, options.allow_outside)
     with alone_in(folder) if folder.is_dir() else contextlib.nullcontext():
-        print(remade(folder, Given(store, scene, file, allow_outside), strategy))
+        print(remade(folder, given, options.strategy))
     return 0
-
-
-def main(arguments: Sequence[str]) -> int:
-    """Parse the command line and run it."""
-    return int(tyro.cli(run, prog=f"{program_name()} report", args=list(arguments)))

@@ -6,9 +6,8 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
-import tyro
 from rich.table import Table
 
 import scenes
@@ -19,14 +18,13 @@ from scenes.steps.schedule_file import load_schedule
 from validate.acquire.acquire import Acquired
 from validate.acquire.forecast import announce
 from validate.acquire.messages import RunMessages
-from validate.acquire.options import HERE, Scale
 from validate.acquire.source import ViewSource, end_run, open_source, warn_of_quality
 from validate.acquire.view_names import view_names
 from validate.bank.judge import FREE_MODELS, check_models, judged, scene_contenders
+from validate.commands.subcommands import Schedule
 from validate.runs.console import Console
 from validate.runs.exit_codes import EXIT_DONE
 from validate.runs.outputs import check_folders, linked_views
-from validate.runs.program import program_name
 from validate.runs.progress import clock
 from validate.runs.run_file import as_options, write_run
 from validate.runs.versions import versions
@@ -49,76 +47,41 @@ from validate.tracked_walk.files import write_real_walk
 from validate.tracked_walk.frames import real_walk_of, track_real_walk
 from validate.tracked_walk.requested_views import Wanted
 
-__all__ = ["main", "run"]
+__all__ = ["execute"]
 
 
-def run(
-    schedule: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SCHEDULE")] = "hallway",
-    /,
-    scene: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None,
-    out: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None,
-    store: Annotated[str, tyro.conf.arg(metavar="DIR")] = "results/store",
-    trials: int | None = None,
-    seed: int | None = None,
-    strategy: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="FILE:FUNCTION")] = (),
-    set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="KEY=VALUE")] = (),
-    variant: Literal["llvm_ad_mono", "cuda_ad_mono", "scalar_rgb"] | None = None,
-    real_walk: bool = True,
-    dry_run: bool = False,
-    allow_outside: bool = False,
-    quiet: bool = False,
-    report: bool = True,
-    scale: Annotated[Scale, tyro.conf.arg(name="")] = HERE,
-) -> int:
-    """Predict and measure how strategies steer cameras at two people who pass each other.
-
-    Exit codes are those of sweeps (--help, docs/runs.md).
-
-    Args:
-        schedule: name of a file in scenes/schedules, or the path of such a file.
-        scene: scene file to use in place of the schedule's own.
-        out: folder for the results (default: results/ and the schedule's name).
-        store: folder of rendered views and measurements, shared by all runs, or an address (docs/store.md).
-        trials: noisy captures of each view, in place of the schedule's own number.
-        seed: of the run, in place of the schedule's own.
-        strategy: a strategy of one's own beside the schedule's: a Python file, which is run, and a function in it.
-        set: override a key of the scene file, or (sweep.KEY) of the schedule file; may be repeated.
-        variant: Mitsuba's variant (default: LLVM if a libLLVM is found, else scalar).
-        real_walk: whether to render and track the walk frame by frame as well, if the schedule asks for it.
-        dry_run: say what would be done, how long it would take and how much it would fill, and stop.
-        allow_outside: let files name others outside their folder (see "Files from others" in docs/scenes.md).
-        quiet: print nothing but errors and the last line, which says where the results are.
-        report: write report.html, which shows the run in a browser and plays it, and its scene as glTF.
-        scale: where views are made (docs/scale.md).
-    """
-    scale.check()
-    overrides = list(set)
+def execute(options: Schedule) -> int:
+    """Steer, render and measure, save and print the results; the exit code."""
+    shared, trials, seed = options.run, options.trials, options.seed
+    shared.scale.check()
+    overrides = list(shared.set)
     overrides += [f"sweep.trials={trials}"] if trials is not None else []
     overrides += [f"sweep.seed={seed}"] if seed is not None else []
-    file = load_schedule(schedule, overrides, allow_outside=allow_outside)
-    folder = out or Path("results") / file.name
-    check_folders(folder, store)
-    own = dict(own_strategy(each) for each in strategy)
+    file = load_schedule(options.schedule, overrides, allow_outside=shared.allow_outside)
+    folder = options.out or Path("results") / file.name
+    check_folders(folder, shared.store)
+    own = dict(own_strategy(each) for each in options.strategy)
     strategies_of(file, own)  # raises what is wrong with them
-    stage = stage_of(file, scenes.load(scene or file.scene_path, overrides, allow_outside=allow_outside))
+    stage = stage_of(file, scenes.load(options.scene or file.scene_path, overrides, allow_outside=shared.allow_outside))
     check_models(stage.scene, "schedule", FREE_MODELS)
-    with RunMessages(quiet) as messages:
-        source = open_source(store, variant, messages, scale)
+    with RunMessages(shared.quiet) as messages:
+        source = open_source(shared.store, shared.variant, messages, shared.scale)
         messages.note("steering the cameras")
         runs = steered_runs(file, stage, own)
         wanted = Wanted(
             training_views(file, stage, source.renderer),
             design_of(file, stage, runs, source.renderer),
-            real_walk_of(file, stage, own, source.renderer) if real_walk else None,
+            real_walk_of(file, stage, own, source.renderer) if options.real_walk else None,
         )
-        if not dry_run:
-            messages.start(folder, "schedule", schedule=schedule, store=store)
+        if not shared.dry_run:
+            messages.start(folder, "schedule", schedule=options.schedule, store=shared.store)
         for warning in stage.scene.warnings:
             messages.warn(warning)
-        if not dry_run:
-            options = {"schedule": schedule, "scene": scene, "store": store, "overrides": overrides}
-            options |= {"strategy": strategy, "variant": variant, "allow_outside": allow_outside, "report": report}
-            return _judge(wanted, folder, source, options)
+        if not shared.dry_run:
+            of_run = {"schedule": options.schedule, "scene": options.scene, "store": shared.store}
+            of_run |= {"overrides": overrides, "strategy": options.strategy, "variant": shared.variant}
+            of_run |= {"allow_outside": shared.allow_outside, "report": options.report}
+            return _judge(wanted, folder, source, of_run)
         counts = [f"{file.name}: {len(runs)} runs of {len(wanted.design.scenes)} steps"]
         if wanted.real is not None:
             counts.append(f"the real walk: {len(wanted.real.scenes)} frames")
@@ -268,8 +231,3 @@ def _show(tables: dict[str, list[Row]], console: Console) -> None:
             figure = f"{row['value']:.3g} [{row['ci_low']:.3g}, {row['ci_high']:.3g}]"
             table.add_row(str(row["claim"]), side, str(row["kind"]), str(row["holds"]), figure, str(row["where"]))
     console.print(table)
-
-
-def main(arguments: list[str]) -> int:
-    """Parse the subcommand's own arguments and run it."""
-    return tyro.cli(run, prog=f"{program_name()} schedule", args=arguments)

@@ -8,15 +8,12 @@ import sys
 import time
 from collections import defaultdict
 from collections.abc import Sequence
-from pathlib import Path
-from typing import Annotated
-
-import tyro
 
 from render.keys import light_code, view_code
 from render.store.checksums import read_sums
 from render.store.folder import DAMAGED, Store, StoreError
 from render.store.remote import open_store
+from validate.commands import subcommands
 from validate.commands.store_upkeep import (
     Stored,
     bytes_of,
@@ -30,21 +27,29 @@ from validate.commands.store_upkeep import (
 )
 from validate.markers.view_measurement import measure_code
 from validate.pixel_noise.measure import pixel_noise_code
-from validate.runs.program import program_name
 
-__all__ = ["main"]
+__all__ = ["execute"]
 
-StoreOption = Annotated[str, tyro.conf.arg(metavar="DIR")]
-DEFAULT = "results/store"
 SECONDS_BETWEEN_LINES = 10.0
 
 
-def list_(store: StoreOption = DEFAULT) -> int:
-    """Report how many files and bytes there are of each kind and code that made them, and how old they are.
+def execute(options: subcommands.Store) -> int:
+    """Carry out one of the store's own commands; the exit code.
 
-    Args:
-        store: folder of rendered views and measurements; of an address, what is on this machine is listed.
+    Raises:
+        StoreError: there is no such store, or it cannot be read or written.
     """
+    action = options.action
+    if isinstance(action, subcommands.StoreList):
+        return _list(options.store)
+    if isinstance(action, subcommands.StoreVerify):
+        return _verify(options.store)
+    if isinstance(action, subcommands.StorePrune):
+        return _prune(options.store, action)
+    return _code()
+
+
+def _list(store: str) -> int:
     files = list(stored_files(_folder(store).folder))
     groups: dict[tuple[str, bool, str], list[Stored]] = defaultdict(list)
     for stored in files:
@@ -60,12 +65,7 @@ def list_(store: StoreOption = DEFAULT) -> int:
     return 0
 
 
-def verify(store: StoreOption = DEFAULT) -> int:
-    """Read every file and compare it with its checksum. Exit code 1 if any is damaged; those are set aside.
-
-    Args:
-        store: folder of rendered views and measurements; of an address, what is on this machine is checked.
-    """
+def _verify(store: str) -> int:
     opened = _folder(store)
     files = [stored for stored in stored_files(opened.folder) if stored.kind != DAMAGED]
     damaged = without = gone = 0
@@ -86,41 +86,22 @@ def verify(store: StoreOption = DEFAULT) -> int:
     return 1 if damaged else 0
 
 
-def prune(
-    store: StoreOption = DEFAULT,
-    older_than: Annotated[str | None, tyro.conf.arg(metavar="AGE")] = None,
-    keep_below: Annotated[str | None, tyro.conf.arg(metavar="SIZE")] = None,
-    unused_by: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="RUN")] = (),
-    stale: bool = False,
-    yes: bool = False,
-) -> int:
-    """Say what would be removed, or remove it with --yes. What is younger than an hour always stays.
-
-    Several options together remove only what meets them all. Temporary files older than a day go in any case.
-
-    Args:
-        store: folder of rendered views and measurements; of an address, what is on this machine is removed.
-        older_than: age, such as 30d or 12h.
-        keep_below: size of all that stays, such as 20GB; the oldest goes first.
-        unused_by: folders that runs left: views and measurements that none of them uses.
-        stale: what other code or other versions of libraries made, so that no run of this installation uses it.
-        yes: remove it.
-    """
+def _prune(store: str, options: subcommands.StorePrune) -> int:
     folder, now = _folder(store).folder, time.time()
     files = prune_list(
         list(stored_files(folder)),
         now,
-        None if older_than is None else seconds_of(older_than, "--older-than"),
-        None if keep_below is None else bytes_of(keep_below, "--keep-below"),
-        used_views(unused_by) if unused_by else None,
-        stale,
+        None if options.older_than is None else seconds_of(options.older_than, "--older-than"),
+        None if options.keep_below is None else bytes_of(options.keep_below, "--keep-below"),
+        used_views(options.unused_by) if options.unused_by else None,
+        options.stale,
     )
     abandoned = leftovers(folder, now)
     paths = [stored.path for stored in files] + abandoned
     for path in paths:
         print(path.relative_to(folder).as_posix())
     size = sum(stored.size_bytes for stored in files) + sum(path.stat().st_size for path in abandoned)
-    if yes:
+    if options.yes:
         count, size = remove(paths)
         print(f"{count} files removed, {size:,} bytes")
     else:
@@ -128,8 +109,7 @@ def prune(
     return 0
 
 
-def code() -> int:
-    """Print which modules and libraries the names of stored files cover; a change in one of them makes new files."""
+def _code() -> int:
     kinds = {"views": view_code, "light": light_code, "measurements": measure_code, "pixel-noise": pixel_noise_code}
     for kind, of in kinds.items():
         found = of()
@@ -157,11 +137,3 @@ def _counts(members: Sequence[Stored]) -> str:
         for chosen in (min, max)
     )
     return f"{len(members):>7}{sum(stored.size_bytes for stored in members):>16,}  {oldest:<17}{newest}"
-
-
-def main(arguments: list[str]) -> int:
-    """Parse the subcommand's own arguments and run it; --store may come before its name as well."""
-    if arguments[:1] == ["--store"]:
-        arguments = [*arguments[2:3], *arguments[:2], *arguments[3:]]
-    commands = {"list": list_, "verify": verify, "prune": prune, "code": code}
-    return int(tyro.extras.subcommand_cli_from_dict(commands, prog=f"{program_name()} store", args=arguments))

@@ -16,6 +16,8 @@ from validate.acquire.source import ViewSource
 from validate.bank.acquire import acquire_banks, enough
 from validate.bank.design import BankDesign, held_out_views, training_views
 from validate.commands import schedule
+from validate.commands.options import StepOptions
+from validate.commands.subcommands import Schedule
 from validate.runs.exit_codes import EXIT_DONE, EXIT_FAILED
 
 CAUSE = "ValueError: made to fail"
@@ -80,9 +82,8 @@ def test_a_schedule_leaves_out_the_runs_that_need_a_failed_view(tmp_path, monkey
     monkeypatch.setattr(ViewSource, "acquire", acquire)
     monkeypatch.setattr(schedule, "view_rows", lambda *_: [])  # asks for certificates, which no drawn view has
     monkeypatch.setattr(schedule, "_draw", lambda *_: None)
-    code = schedule.run(
-        out=tmp_path / "out", store=str(tmp_path / "store"), set=FEW, real_walk=False, quiet=True, report=False
-    )
+    of_run = StepOptions(store=str(tmp_path / "store"), set=FEW, quiet=True)
+    code = schedule.execute(Schedule(out=tmp_path / "out", real_walk=False, report=False, run=of_run))
     printed = capsys.readouterr()
     said = json.loads((tmp_path / "out" / "run.json").read_text())
     assert code == (EXIT_DONE if which == "none" else EXIT_FAILED)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
-import inspect
 import os
 import re
 import subprocess
@@ -12,9 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from validate.acquire.options import Scale
-from validate.commands.overview import COMMANDS, OVERVIEW, misspelt
-from validate.run_sweep import run_sweep
+from pss import RangeError
+from validate.commands.command_line import parsed
+from validate.commands.subcommands import SUBCOMMANDS, Sweep
+from validate.run_sweep import main
 
 ROOT = Path(__file__).parents[3]
 SCRIPT = ROOT / "validate" / "run_sweep.py"
@@ -124,38 +123,54 @@ def test_a_misspelt_command_names_the_nearest():
 )
 def test_a_first_word_that_is_no_command(word, meant):
     """What is nearer to a sweep, or a path, is left to those who read sweeps."""
-    said = misspelt(word)
-    assert (said is None) == (meant is None)
-    assert meant is None or f'did you mean "{meant}"' in said
+    if meant is None:
+        assert parsed([word, "focus", "--dry-run"]).sweeps == (word, "focus")
+    else:
+        with pytest.raises(RangeError, match=f'did you mean "{meant}"'):
+            parsed([word, "--dry-run"])
 
 
-def test_help_is_quick_and_shows_examples():
-    """Help needs none of the heavy imports."""
-    result = run("--help")
-    assert result.returncode == 0
-    assert "Examples" in result.stdout
-    assert "KEY=VALUE" in result.stdout
+def test_the_word_sweep_may_be_left_out():
+    """Sweeps stand in the place of a command."""
+    arguments = ["zoom", "focus", "--set", "a=1", "--set", "b=2", "--workers", "3", "--no-report"]
+    assert parsed(arguments) == parsed(["sweep", *arguments])
+    assert isinstance(parsed(arguments), Sweep)
+    assert parsed(arguments).run.set == ("a=1", "b=2")
+    assert parsed(arguments).run.scale.workers == 3
 
 
-def test_help_fits_a_screen_and_names_every_command():
-    """24 lines of 100 columns, and no option that there is not."""
-    lines = OVERVIEW.splitlines()
-    assert len(lines) <= 24
-    assert max(len(line) for line in lines) <= 100
-    for name in COMMANDS:
-        assert re.search(rf"\b{name}\b", OVERVIEW), name
-    options = {*inspect.signature(run_sweep).parameters, *inspect.signature(Scale).parameters}
-    for option in re.findall(r"--([a-z-]+)", OVERVIEW):
-        assert option in ("help", "version") or option.replace("-", "_") in options, option
+@pytest.mark.parametrize("arguments", [["--help"], ["zoom", "--help"], ["bank", "--help"]])
+def test_the_help_loads_nothing_slow(arguments):
+    """Neither that of the program nor of a command, so that it answers at once."""
+    lines = ["import sys, contextlib", "from validate.run_sweep import main", "with contextlib.suppress(SystemExit):"]
+    script = "\n".join([*lines, f"    main({arguments!r})", "print([*sys.modules])"])
+    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert "'tyro'" in done.stdout
+    for slow in ("numpy", "pydantic", "mitsuba", "matplotlib"):
+        assert f"'{slow}'" not in done.stdout, slow
+
+
+def test_help_shows_examples_and_names_every_command(capsys):
+    """With one sentence on each, and options that there are."""
+    with pytest.raises(SystemExit) as caught:
+        main(["--help"])
+    assert caught.value.code == 0
+    printed = capsys.readouterr().out
+    assert "Examples" in printed
+    assert "KEY=VALUE" in printed
+    for name in SUBCOMMANDS:
+        assert re.search(rf"• {name} ", printed), name
+    assert len(printed.splitlines()) <= 60
 
 
 def test_every_command_answers_help_with_its_own(capsys):
-    """Each module has a main, which says what it is for; nothing runs."""
-    for name, module in COMMANDS.items():
+    """With what it is for and its options; nothing runs. Each has a module that carries it out."""
+    for name in SUBCOMMANDS:
         with pytest.raises(SystemExit) as caught:
-            importlib.import_module(module).main(["--help"])
+            main([name, "--help"])
         assert caught.value.code == 0
         assert f"usage: run_sweep.py {name}" in capsys.readouterr().out
+        assert (ROOT / "validate" / "commands" / f"{name.replace('-', '_')}.py").exists()
 
 
 def test_the_installed_command_is_the_script():

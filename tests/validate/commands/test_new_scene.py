@@ -12,7 +12,8 @@ from render.store.folder import StoreError
 from scenes import load_sweep
 from scenes.schema.scene_tables import SceneSpec
 from scenes.steps.sweep_file import SweepSpec
-from validate.commands.new_scene import main, write_new_scene
+from validate.commands.new_scene import write_new_scene
+from validate.run_sweep import main
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +93,7 @@ def test_a_name_is_no_path(tmp_path, name):
 
 def test_the_command_says_what_to_do_next(tmp_path, capsys):
     """The two commands that follow, with the files' own names."""
-    assert main(["loft", "--out", str(tmp_path)]) == 0
+    assert main(["new-scene", "loft", "--out", str(tmp_path)]) == 0
     said = capsys.readouterr().out
     assert f"check {tmp_path / 'loft.toml'}" in said
     assert f"run_sweep.py {tmp_path / 'loft-sweep.toml'}" in said

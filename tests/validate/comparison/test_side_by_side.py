@@ -14,10 +14,10 @@ import pytest
 
 from render.store.folder import StoreError
 from tests.helpers.few_rows import a_run
-from validate.commands.compare import compared, main, summarised
+from validate.commands.compare import compared, summarised
 from validate.comparison.matching import QUANTITIES, Quantity, matched_rows, separate
 from validate.comparison.sides import settings_rows, sides_of
-from validate.run_sweep import main as program
+from validate.run_sweep import main
 
 REFERENCE = Path(__file__).parents[3] / "results" / "reference"
 PLAIN = Quantity("t", "v", "low", "high", ("sweep", "value"), True)
@@ -78,13 +78,13 @@ def test_two_sensors(tmp_path, capsys):
     sides = [str(a_run(tmp_path / "dim")), str(a_run(tmp_path / "bright", 8.0, (150.0, 100.0)))]
     (only,) = settings_rows(sides_of(sides))
     assert only == {"key": "scene.sensor.exposure_ms", "dim": "4.0", "bright": "8.0"}
-    assert main([*sides, "--table", "csv"]) == 0
+    assert main(["compare", *sides, "--table", "csv"]) == 0
     rows = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
     assert [(r["value"], float(r["bright_ratio"]), r["bright_apart"]) for r in rows] == [
         ("1", 1.5, "yes"),
         ("2", 0.5, "yes"),
     ]
-    assert main(sides) == 0
+    assert main(["compare", *sides]) == 0
     printed = capsys.readouterr().out
     assert "scene.sensor.exposure_ms" in printed
     assert "bright ÷ dim" in printed
@@ -103,7 +103,7 @@ def test_two_noise_models_of_one_run(tmp_path, capsys):
     rows = [r for r in compared(sides, "predicted") if r["quantity"] == "pss_single_frame"]
     assert [r["value"] for r in rows] == ["1", "2"]
     assert [r["physical_ratio"] for r in rows] == pytest.approx([3.0, 3.0], rel=1e-6)
-    assert main([f"{folder}@noise_model=as-printed", f"{folder}@noise_model=physical"]) == 0
+    assert main(["compare", f"{folder}@noise_model=as-printed", f"{folder}@noise_model=physical"]) == 0
     printed = capsys.readouterr().out
     assert "physical ÷ as-printed" in printed
     assert "measured" not in printed  # one run measured one thing
@@ -185,31 +185,31 @@ def renamed(folder, sweep, scene=None):
 def test_rows_that_match_nothing_are_one_line_and_no_success(tmp_path, capsys, rows):
     """Of sweeps of different names; chosen as one column, they match by their values."""
     one, other = a_run(tmp_path / "one"), renamed(a_run(tmp_path / "other", pss=(50.0, 400.0)), "mine")
-    assert program(["compare", str(one), str(other), "--rows", rows]) == 2
+    assert main(["compare", str(one), str(other), "--rows", rows]) == 2
     shown = capsys.readouterr()
     (line,) = shown.err.strip().splitlines()
     for words in ("one has zoom; other has mine", "allowed", "RUN@sweep=NAME"):
         assert words in line
     assert not shown.out.strip()
-    assert main([f"{one}@sweep=zoom", f"{other}@sweep=mine", "--rows", rows]) == 0
+    assert main(["compare", f"{one}@sweep=zoom", f"{other}@sweep=mine", "--rows", rows]) == 0
     assert "mine ÷ zoom" in capsys.readouterr().out
 
 
 def test_rows_of_a_table_that_is_missing_or_empty_are_one_line(tmp_path, capsys):
     """Which side lacks it is in the line."""
     one, other = a_run(tmp_path / "one"), a_run(tmp_path / "other")
-    assert program(["compare", str(one), str(other), "--rows", "slopes"]) == 2
+    assert main(["compare", str(one), str(other), "--rows", "slopes"]) == 2
     assert "one and other has no such table" in capsys.readouterr().err
     (one / "slopes.csv").write_text("")
     (other / "slopes.csv").write_text("")
-    assert program(["compare", str(one), str(other), "--rows", "slopes"]) == 2
+    assert main(["compare", str(one), str(other), "--rows", "slopes"]) == 2
     assert "one and other has an empty one" in capsys.readouterr().err
 
 
 def test_a_comparison_of_nothing_alike_says_so_and_shows_the_settings(tmp_path, capsys):
     """Without --rows the settings are a result; one line says that they are all."""
     one, other = a_run(tmp_path / "one"), renamed(a_run(tmp_path / "other", 8.0), "mine")
-    assert main([str(one), str(other), "--out", str(tmp_path / "page.html")]) == 0
+    assert main(["compare", str(one), str(other), "--out", str(tmp_path / "page.html")]) == 0
     printed = capsys.readouterr().out
     assert "scene.sensor.exposure_ms" in printed
     assert "they share no sweep" in printed
@@ -222,7 +222,7 @@ def test_a_table_without_the_chosen_rows_costs_no_page(tmp_path, slopes):
     folder = a_run(tmp_path / "run")
     (folder / "slopes.csv").write_text(slopes)
     sides = [f"{folder}@noise_model=as-printed", f"{folder}@noise_model=physical"]
-    assert main([*sides, "--out", str(tmp_path / "page.html")]) == 0
+    assert main(["compare", *sides, "--out", str(tmp_path / "page.html")]) == 0
     assert "slopes.csv has no rows for as-printed and physical" in (tmp_path / "page.html").read_text()
 
 
@@ -252,7 +252,7 @@ def test_many_differences_are_counted_by_table(tmp_path, capsys):
         "scene.sensor.exposure_ms",
         "scene.cameras: 20 keys, such as 0.zoom",
     ]
-    assert main([str(one), str(other), "--no-report"]) == 0
+    assert main(["compare", str(one), str(other), "--no-report"]) == 0
     assert "--rows settings" in capsys.readouterr().out
-    assert main([str(one), str(other), "--rows", "settings"]) == 0
+    assert main(["compare", str(one), str(other), "--rows", "settings"]) == 0
     assert capsys.readouterr().out.count("scene.cameras.") == 20

@@ -18,7 +18,7 @@ import pytest
 from render.store.folder import StoreError
 from tests.helpers.compared_runs import LONG, MODELS, a_run
 from tests.helpers.pages import Page
-from validate.commands.compare import main
+from validate.commands import command_line
 from validate.comparison import page
 from validate.comparison.axes import ratio_ticks
 from validate.comparison.folded_tables import left_out, settings_by_group
@@ -345,14 +345,19 @@ def test_compare_leaves_the_page(made, tmp_path, monkeypatch, capsys):
     """At its place, at another, or not; beside a printed table only where it is asked for."""
     monkeypatch.chdir(tmp_path)
     two = made.folders[:2]
-    assert main([*two, "--no-report"]) == main([*two, "--table", "csv"]) == main([*two, "--rows", "measured"]) == 0
+    assert (
+        command_line.run(["compare", *two, "--no-report"])
+        == command_line.run(["compare", *two, "--table", "csv"])
+        == command_line.run(["compare", *two, "--rows", "measured"])
+        == 0
+    )
     assert not (tmp_path / "results").exists()
     capsys.readouterr()
-    assert main(two) == 0
+    assert command_line.run(["compare", *two]) == 0
     assert capsys.readouterr().out.splitlines()[-1] == "results/compare/compare.html"
     assert (tmp_path / "results" / "compare" / "compare.html").stat().st_size > 1_000_000
-    assert main([*two, "--table", "csv", "--out", "other.html"]) == 0
+    assert command_line.run(["compare", *two, "--table", "csv", "--out", "other.html"]) == 0
     assert len(list(csv.reader(capsys.readouterr().out.splitlines()))) > 3
     assert (tmp_path / "other.html").exists()
     with pytest.raises(StoreError, match=r"ends in \.html"):
-        main([*two, "--out", "other.pdf"])
+        command_line.run(["compare", *two, "--out", "other.pdf"])

@@ -24,7 +24,9 @@ from tests.helpers.closet import SCENE, SWEEP
 from validate.acquire.acquire import Acquired, Acquisition
 from validate.acquire.quality_warnings import warn_of_darkness
 from validate.acquire.view_names import view_names
-from validate.commands.check import run as check
+from validate.commands import check
+from validate.commands.options import SceneFiles
+from validate.commands.subcommands import Check
 from validate.markers.darkness import light_words
 from validate.pages.data import read_sweeps
 from validate.pages.sentences import remarks
@@ -117,7 +119,7 @@ def test_check_promises_nothing_in_the_dark(tmp_path, capsys):
     [line] = [line for line in lines if line.startswith("too dark: ") and "at camera 4," in line]
     assert re.search(r"white gives 0\.\d+ e⁻ at camera 4, a contrast of 0\.\d+ times the noise", line)
     assert re.search(r"light on it \S+ W/m² \(\d+ lux at 550 nm\), exposure 0\.004 ms, f/\S+, pixels of 4\.65 µm", line)
-    assert check("room", set=(SECONDS,), out=tmp_path / "plan.svg") == 0
+    assert check.execute(Check("room", tmp_path / "plan.svg", files=SceneFiles((SECONDS,)))) == 0
     printed = capsys.readouterr()
     assert re.search(r"light on the markers in view: .* lux at 550 nm\) to .* lux", printed.out)
     assert "found by two cameras and more: 0 of 84" in printed.out

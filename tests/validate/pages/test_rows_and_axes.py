@@ -15,9 +15,9 @@ from tests.helpers.closet import SCENE, SELECTION, SWEEP
 from tests.helpers.compared_runs import a_run
 from tests.helpers.made_up_run import made_up_run
 from tests.helpers.made_up_schedule import made_up_schedule
-from validate.commands.compare import main
 from validate.pages.empty_rows import NO_ORDER, Sign, empty_row_words
 from validate.pages.scene3d import EYE, fitted_camera
+from validate.run_sweep import main
 
 
 def figures_of(page):
@@ -34,7 +34,7 @@ def pages(tmp_path_factory):
         (folder / name).mkdir()
     made_up_run(folder / "sweeps", SCENE, {"zooming": SWEEP, "pairs": SELECTION})
     a_run(folder / "one"), a_run(folder / "two", factor=2.0, rho=math.nan)
-    assert main([str(folder / "one"), str(folder / "two"), "--out", str(folder / "compare.html")]) == 0
+    assert main(["compare", str(folder / "one"), str(folder / "two"), "--out", str(folder / "compare.html")]) == 0
     schedule = made_up_schedule(folder / "schedule")
     return {
         "report": (folder / "sweeps" / "run" / "report.html").read_text(encoding="utf-8"),

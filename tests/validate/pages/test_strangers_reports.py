@@ -11,7 +11,8 @@ import pss.files
 from render.store.folder import StoreError
 from scenes import load_sweep
 from tests.helpers.closet import SCENE, SWEEP
-from validate.commands.report import main, remade
+from validate.commands import command_line
+from validate.commands.report import remade
 from validate.pages.named import DEFAULT_STORE, Given
 
 ADDRESS = "s3://somebody/collects/who-opens-this"
@@ -114,7 +115,9 @@ def test_what_the_user_gives_is_opened(home, opened):
         assert home / "zooming.toml" in opened
         assert home / "closet.toml" in opened
     with pytest.raises(StoreError, match=r"configurations\.csv"):
-        main([str(folder), "--file", "zooming.toml", "--scene", "closet.toml", "--store", "elsewhere"])
+        command_line.run(
+            ["report", str(folder), "--file", "zooming.toml", "--scene", "closet.toml", "--store", "elsewhere"]
+        )
 
 
 def test_an_address_that_the_user_gives_is_contacted(home, opened):

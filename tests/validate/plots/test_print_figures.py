@@ -13,7 +13,8 @@ import scenes
 from pss import RangeError
 from scenes import load_sweep
 from tests.helpers.predicted_result import predicted_result
-from validate.commands.figures import run
+from validate.commands.figures import execute
+from validate.commands.subcommands import Figures
 from validate.plots.paper_sweeps import ILLUSTRATED, SWEEPS, shown_steps, static_figure, static_rows
 from validate.plots.print_style import print_style, save
 
@@ -78,4 +79,4 @@ def test_files_are_vectors_and_the_same_each_time(tmp_path):
 def test_a_figure_that_the_paper_has_not():
     """Named, with those that it has, before anything is loaded."""
     with pytest.raises(RangeError, match=r"figure 5; allowed: 1, 2, 3, 4"):
-        run((1, 5))
+        execute(Figures((1, 5)))

@@ -23,11 +23,13 @@ from pss.visibility.points import visible_points
 from render.light.estimated_light import estimated_irradiance
 from render.light.radiosity import solve_radiosity
 from render.world.state import Light, Panel
-from validate.commands.check import main, run
+from validate.commands.check import execute
+from validate.commands.subcommands import Check
 from validate.plots.plan import plan_figure
 from validate.prediction import foresight as module
 from validate.prediction.foresight import camera_rows, foresee, headline, marker_rows, model_rows
 from validate.prediction.warnings import warnings_of
+from validate.run_sweep import main
 
 ROOT = Path(__file__).parents[3]
 # Of the light on markers: what is sent back is taken to be even, and objects to send nothing. Measured medians:
@@ -191,7 +193,7 @@ def test_the_title_follows_the_error():
 def test_the_drawing_is_there(tmp_path, capsys, kind):
     """The plan is written as the kind of file that was asked for, and the table is on stdout alone."""
     path = tmp_path / f"plan.{kind}"
-    assert main(["room", "--out", str(path), "--table", "csv", "--rows", "markers"]) == 0
+    assert main(["check", "room", "--out", str(path), "--table", "csv", "--rows", "markers"]) == 0
     rows = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
     assert len(rows) == 84
     if kind == "png":
@@ -203,16 +205,16 @@ def test_the_drawing_is_there(tmp_path, capsys, kind):
 def test_mistakes_are_said(tmp_path):
     """A sweep in a scene's place, and a drawing of no known kind."""
     with pytest.raises(RangeError, match=r"is a sweep.*room\.toml"):
-        run(str(ROOT / "scenes" / "sweeps" / "zoom.toml"))
+        execute(Check(str(ROOT / "scenes" / "sweeps" / "zoom.toml")))
     with pytest.raises(RangeError, match=r"\.png"):
-        run("room", out=tmp_path / "plan.gif")
+        execute(Check("room", tmp_path / "plan.gif"))
 
 
 def test_no_renderer_is_loaded(tmp_path):
     """In a process of its own: seconds, and no Mitsuba."""
     script = (
-        "import json, sys; from validate.commands.check import main; "
-        f"main(['bench', '--out', {str(tmp_path / 'plan.png')!r}, '--table', 'md']); "
+        "import json, sys; from validate.run_sweep import main; "
+        f"main(['check', 'bench', '--out', {str(tmp_path / 'plan.png')!r}, '--table', 'md']); "
         "print(json.dumps([name for name in ('mitsuba', 'drjit') if name in sys.modules]))"
     )
     done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)

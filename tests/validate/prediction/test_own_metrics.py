@@ -17,7 +17,8 @@ from pss.metric.table import Metric, MetricTable
 from pss.metrics import OF_THE_PAPER
 from tests.helpers.closet import SCENE, SWEEP
 from tests.helpers.made_up_run import made_up_run
-from validate.commands.check import run as check
+from validate.commands import check
+from validate.commands.subcommands import Check
 from validate.pages.data import read_sweeps
 from validate.prediction import own_metrics
 from validate.prediction.foresight import foresee, model_rows
@@ -115,7 +116,7 @@ def test_check_shows_it(installed, tmp_path, capsys):
     for row in model_rows(seen):
         assert row["metric_median-mm"] == median_sigma_mm(seen.evaluations[row["noise_model"]])
     assert "metric broken has no number (ZeroDivisionError: of mine)" in warnings_of(seen)
-    check("bench", out=tmp_path / "plan.svg")
+    check.execute(Check("bench", tmp_path / "plan.svg"))
     printed = capsys.readouterr().out
     assert "median-mm" in printed
     for evaluation in seen.evaluations.values():

@@ -16,9 +16,10 @@ from pss.visibility.targets import TARGET_VISIBILITY
 from scenes import SceneError
 from validate.bank.judge import FREE_MODELS, asked_pairs, check_models, judged, scene_contenders
 from validate.bank.sensitivity import variants
-from validate.commands.bank import run as bank
+from validate.commands import bank, schedule
 from validate.commands.calibration_error import without_effect
-from validate.commands.schedule import run as schedule
+from validate.commands.options import RunOptions, StepOptions
+from validate.commands.subcommands import Bank, Schedule
 
 ROOT = Path(__file__).parents[3]
 CALIBRATION = Calibration.from_file(ROOT / "results" / "reference" / "bank" / "calibrated.toml")
@@ -107,10 +108,12 @@ def test_a_list_of_models_that_is_not_compared_is_refused():
 
 def test_commands_refuse_before_they_render(tmp_path):
     """The bank and the schedule, with the name of each."""
+    shared = RunOptions(store=str(tmp_path / "store"), set=(PHYSICAL_ALONE,), dry_run=True)
     with pytest.raises(SceneError, match=r"allowed with bank"):
-        bank(set=(PHYSICAL_ALONE,), out=tmp_path / "bank", store=str(tmp_path / "store"), dry_run=True)
+        bank.execute(Bank(out=tmp_path / "bank", run=shared))
+    of_run = StepOptions(**vars(shared))
     with pytest.raises(SceneError, match=r"allowed with schedule"):
-        schedule("hallway", set=(PHYSICAL_ALONE,), out=tmp_path / "walk", store=str(tmp_path / "store"), dry_run=True)
+        schedule.execute(Schedule("hallway", out=tmp_path / "walk", run=of_run))
     assert not list(tmp_path.iterdir())
 
 

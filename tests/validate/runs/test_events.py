@@ -193,7 +193,9 @@ def test_quiet_prints_errors_and_the_last_line_alone(tmp_path, capsys):
 
 def test_help_names_the_exit_codes(capsys):
     """In short; docs/runs.md has the rest."""
-    assert run_sweep.main(["--help"]) == 0
+    with pytest.raises(SystemExit) as caught:
+        run_sweep.main(["--help"])
+    assert caught.value.code == 0
     said = " ".join(capsys.readouterr().out.split())
     for code in (EXIT_DONE, EXIT_FAILED, EXIT_MISTAKE, EXIT_BROKEN, EXIT_INTERRUPTED):
         assert f" {code} " in said

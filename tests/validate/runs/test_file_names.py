@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import itertools
 import re
 from pathlib import Path
@@ -12,7 +11,7 @@ import pytest
 from pss import RangeError
 from tests.helpers.few_rows import a_run
 from tests.helpers.sources import PACKAGES, modules
-from validate.commands.overview import COMMANDS
+from validate.commands.subcommands import SUBCOMMANDS
 from validate.comparison.page import html_of
 from validate.comparison.sides import sides_of
 from validate.run_sweep import main
@@ -93,13 +92,10 @@ def test_the_store_is_no_folder_for_results(tmp_path, capsys):
 
 def test_every_folder_that_commands_fill_by_themselves_is_reserved():
     """Of every command's default of --out, and wherever else a folder of results/ has a fixed name."""
-    import importlib
-
-    for module in COMMANDS.values():
-        run = getattr(importlib.import_module(module), "run", None)
-        default = inspect.signature(run).parameters.get("out") if run else None
-        if default is not None and isinstance(default.default, Path) and default.default.parts[:1] == ("results",):
-            assert default.default.parts[1] in RESERVED
+    defaults = [getattr(options, "out", None) for options in SUBCOMMANDS.values()]
+    in_results = [path.parts[1] for path in defaults if isinstance(path, Path) and path.parts[:1] == ("results",)]
+    assert len(in_results) == 4
+    assert set(in_results) <= {*RESERVED}
     named = r'"results(?:/|"\) / ")([a-z][a-z-]+)"'
     found = {name for path in modules(*PACKAGES) for name in re.findall(named, path.read_text(encoding="utf-8"))}
     assert found >= {"measure", "compare", "check", "remote-stores", "store"}

@@ -18,7 +18,6 @@ from tests.helpers.closet import SCENE, SELECTION, SWEEP
 from tests.helpers.layout_of_words import drawable
 from tests.helpers.made_up_run import made_up_run
 from tests.helpers.pages import Page
-from validate.commands import compare as comparison
 from validate.comparison.page import html_of
 from validate.comparison.sides import sides_of
 from validate.plots import calibration_error, sweep
@@ -182,7 +181,7 @@ def test_a_comparison_prints_settings_as_they_are(made, capsys):
         said = {"options": {}, "sweeps": {"data": {"title": title}}, "scenes": {"data": {}}}
         (run / "run.json").write_text(json.dumps(said))
         runs.append(str(run))
-    assert comparison.main([*runs, "--no-report"]) == 0
+    assert main(["compare", *runs, "--no-report"]) == 0
     said = re.sub(r"[\s│┃]+", "", capsys.readouterr().out)
     assert "Error[mm]overzoom" in said
     assert "[/b]" in said

@@ -28,6 +28,7 @@ from validate.acquire.acquire import Acquired
 from validate.bank.judge import PHYSICAL_WHOLE
 from validate.commands import schedule as command
 from validate.commands.schedule import own_strategy
+from validate.commands.subcommands import Schedule
 from validate.schedule.agreement import ALL_RUNS, agreement_rows
 from validate.schedule.claims import claim_rows
 from validate.schedule.held import assess_held, design_of, training_levels
@@ -465,7 +466,7 @@ def test_a_file_in_the_way_of_the_results_is_told_before_any_work(tmp_path, monk
     monkeypatch.setattr(command, "steered_runs", lambda *_: pytest.fail("work was begun"))
     (tmp_path / "taken").write_text("", encoding="utf-8")
     with pytest.raises(StoreError, match=r"--out .* is a file; allowed is a folder"):
-        command.run(out=tmp_path / "taken", store=tmp_path / "store")
+        command.execute(Schedule(out=tmp_path / "taken"))
 
 
 def test_a_strategy_that_does_not_exist(schedule, stage):

@@ -11,7 +11,7 @@ import pytest
 from pss import RangeError
 from render.store.checksums import sum_path
 from render.store.folder import Store, StoreError
-from validate.commands.store import main as store_main
+from validate.commands import command_line
 from validate.commands.store_codes import codes_here
 from validate.commands.store_upkeep import bytes_of, prune_list, seconds_of, stored_files
 from validate.markers.view_measurement import measure_code
@@ -114,17 +114,17 @@ def test_stale_files_of_the_last_hour_stay(tmp_path):
 
 def test_verify_checks_all_and_sets_damaged_ones_aside(store, capsys, caplog):
     """Exit code 1 the first time; then all is whole."""
-    assert store_main(["verify", "--store", str(store.folder)]) == 0
+    assert command_line.run(["store", "verify", "--store", str(store.folder)]) == 0
     assert "4 files checked, 0 damaged" in capsys.readouterr().out
     path = store.light("old")
     status = path.stat()
     data = path.read_bytes()
     path.write_bytes(data[:60] + bytes([data[60] ^ 1]) + data[61:])
     os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))  # as a disk would
-    assert store_main(["verify", "--store", str(store.folder)]) == 1
+    assert command_line.run(["store", "verify", "--store", str(store.folder)]) == 1
     assert "4 files checked, 1 damaged and set aside" in capsys.readouterr().out
     assert len(caplog.messages) == 1
-    assert store_main(["verify", "--store", str(store.folder)]) == 0
+    assert command_line.run(["store", "verify", "--store", str(store.folder)]) == 0
     assert "3 files checked, 0 damaged" in capsys.readouterr().out
 
 
@@ -132,12 +132,12 @@ def test_prune_says_what_would_go_and_removes_it_if_told(store, capsys):
     """Old files and abandoned ones with their sums; nothing else."""
     arguments = ["prune", "--store", str(store.folder), "--older-than", "30d"]
     before = sorted(store.folder.rglob("*"))
-    assert store_main(arguments) == 0
+    assert command_line.run(["store", *arguments]) == 0
     said = capsys.readouterr().out.splitlines()
     assert said[:2] == ["light/old.npz", "light/.abandoned.npz"]
     assert said[2].startswith("2 files would be removed, ")
     assert sorted(store.folder.rglob("*")) == before
-    assert store_main([*arguments, "--yes"]) == 0
+    assert command_line.run(["store", *arguments, "--yes"]) == 0
     gone = [store.light("old"), sum_path(store.light("old")), store.folder / "light" / ".abandoned.npz"]
     assert sorted(set(before) - set(store.folder.rglob("*"))) == sorted(gone)
 
@@ -161,18 +161,23 @@ def test_what_runs_use_stays(store, tmp_path, capsys):
     """A run's views/ names its views; their measurements stay with them, and light is nobody's."""
     (tmp_path / "run" / "views").mkdir(parents=True)
     (tmp_path / "run" / "views" / "aa11.exr").symlink_to("nowhere.exr")
-    assert store_main(["prune", "--store", str(store.folder), "--unused-by", str(tmp_path / "run"), "--yes"]) == 0
+    assert (
+        command_line.run(
+            ["store", "prune", "--store", str(store.folder), "--unused-by", str(tmp_path / "run"), "--yes"]
+        )
+        == 0
+    )
     left = {stored.path.name for stored in stored_files(store.folder)}
     assert left == {"old.npz", "new.npz", store.measurement("aa11", "d", 1, 2).name}
     with pytest.raises(StoreError, match="allowed is a folder that a run left"):
-        store_main(["prune", "--store", str(store.folder), "--unused-by", str(tmp_path)])
+        command_line.run(["store", "prune", "--store", str(store.folder), "--unused-by", str(tmp_path)])
 
 
 @pytest.mark.parametrize("arguments", [[], ["--older-than", "30"], ["--keep-below", "20 elephants"]])
 def test_wishes_that_say_nothing_are_refused(store, arguments):
     """One line with the value and what is allowed."""
     with pytest.raises(RangeError, match="allowed"):
-        store_main(["prune", "--store", str(store.folder), *arguments])
+        command_line.run(["store", "prune", "--store", str(store.folder), *arguments])
 
 
 def test_units():

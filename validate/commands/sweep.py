@@ -1,0 +1,35 @@
+"""`run_sweep.py SWEEP…`: predict, render, measure and compare the steps of sweeps."""
+
+from __future__ import annotations
+
+from validate.acquire.messages import RunMessages
+from validate.commands import run
+from validate.commands.subcommands import Sweep
+
+__all__ = ["execute"]
+
+
+def execute(options: Sweep) -> int:
+    """Run the sweeps, save and print the results; the exit code.
+
+    Raises:
+        PSSError: the user's mistake.
+    """
+    shared = options.run
+    of_run = run.Options(
+        options.sweeps,
+        options.scene,
+        options.out,
+        shared.store,
+        options.trials,
+        options.seed,
+        shared.set,
+        shared.variant,
+        shared.dry_run,
+        shared.allow_outside,
+        shared.quiet,
+        shared.scale,
+        options.report,
+    )
+    with RunMessages(shared.quiet) as messages:
+        return run.execute(of_run, messages)
