@@ -14,6 +14,7 @@ import numpy as np
 from pss.hints import Floats, Row
 from validate.stats.intervals import interval, weighted_spearman
 from validate.stats.optimum import optimum
+from validate.sweeps.derived import derived
 from validate.sweeps.sweep import SweepResult
 
 __all__ = ["claim_rows"]
@@ -33,6 +34,7 @@ class Curve:
     samples: Floats
 
 
+@derived
 def claim_rows(result: SweepResult) -> list[Row]:
     """A row for each claim and each side: the prediction by each noise model, and the measurement.
 

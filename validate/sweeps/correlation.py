@@ -12,6 +12,7 @@ from pss.hints import Floats, Row
 from pss.metrics import CAMERAS_TO_OBSERVE
 from validate.prediction.own_metrics import best_step, own_metrics
 from validate.stats.intervals import interval_with, kendall, oracle_regret, pearson_log, regret, weighted_spearman
+from validate.sweeps.derived import derived
 from validate.sweeps.optima import trend
 from validate.sweeps.replicates import SweepReplicates
 from validate.sweeps.sweep import SweepResult
@@ -54,6 +55,7 @@ class Correlation:
     high: float
 
 
+@derived
 def correlation_rows(result: SweepResult) -> list[Row]:
     """Rows of a sweep: each metric and noise model against each measure, over configurations and over points."""
     rows: list[Row] = []
@@ -84,6 +86,7 @@ def correlation_rows(result: SweepResult) -> list[Row]:
     return rows
 
 
+@derived
 def own_rows(result: SweepResult) -> list[Row]:
     """Rows of own metrics alone, against measured single-frame PSS over the steps, with the step each would choose."""
     rows: list[Row] = []
@@ -103,6 +106,7 @@ def own_rows(result: SweepResult) -> list[Row]:
     return rows
 
 
+@derived
 def headline(result: SweepResult, model: str, single_frame: bool) -> tuple[Correlation, float]:
     """ρ of predicted with measured PSS over the steps, of one kind, and the regret (nan for the filter kind)."""
     replicates = result.replicates[model]

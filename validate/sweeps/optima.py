@@ -17,6 +17,7 @@ from pss.hints import Floats, Row
 from validate.stats.flatness import is_flat, least_difference, spread_of_points
 from validate.stats.intervals import interval
 from validate.stats.optimum import FLAT, NO_OPTIMUM, optimum
+from validate.sweeps.derived import derived
 from validate.sweeps.sweep import SweepResult
 
 __all__ = ["MEASURED", "PREDICTED", "Trend", "kind_words", "optimum_rows", "trend", "trends"]
@@ -133,6 +134,7 @@ def kind_words(single_frame: bool) -> str:
     return "single frame" if single_frame else "filter"
 
 
+@derived
 def trends(result: SweepResult) -> list[Trend]:
     """Of each kind the measured curve, then that of each noise model; none of a sweep of one step."""
     if len(result.assessments) < 2:
@@ -141,6 +143,7 @@ def trends(result: SweepResult) -> list[Trend]:
     return [trend(result, single_frame, model) for single_frame in (True, False) for model in models]
 
 
+@derived
 def trend(result: SweepResult, single_frame: bool, model: str | None = None) -> Trend:
     """The measured curve (None) or that of a noise model."""
     values = result.measured_pss(single_frame) if model is None else result.predicted_pss(model, single_frame)
@@ -181,6 +184,7 @@ def _measured(result: SweepResult, values: Floats, single_frame: bool) -> tuple[
     return samples, bool(np.ptp(values) <= least), least
 
 
+@derived
 def optimum_rows(result: SweepResult) -> list[Row]:
     """A row for each curve of a sweep."""
     return [_row(result.plan.sweep.name, each) for each in trends(result)]

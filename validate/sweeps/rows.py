@@ -10,17 +10,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pss import Evaluation
 from pss.hints import Floats, Row
 from render.renderer import Certificate
 from render.store.folder import write_text
 from scenes import Configuration
 from validate.acquire.acquire import Acquired, Acquisition
 from validate.markers.darkness import markers_too_dark
-from validate.points.configuration import Assessment, Measured
-from validate.points.error_budget import error_budget
+from validate.points.configuration import Assessment
 from validate.runs.csv_file import csv_text
 from validate.stats.intervals import interval
+from validate.sweeps.departures import error_budgets, nees
+from validate.sweeps.derived import derived
 from validate.sweeps.sweep import SweepResult
 
 __all__ = [
@@ -65,13 +65,14 @@ def common_points(result: SweepResult) -> NDArray[np.bool_]:
     return np.all(measured, axis=0)
 
 
+@derived
 def configuration_rows(result: SweepResult) -> list[Row]:
     """A row for each configuration and noise model."""
     common = common_points(result)
     everywhere = np.ones_like(common)
     rows: list[Row] = []
     for model in result.noise_models:
-        replicates = result.replicates[model]
+        replicates, budgets = result.replicates[model], error_budgets(result, model)
         pss_low, pss_high = interval(replicates.measured_pss)
         rms_low, rms_high = interval(replicates.rms_m)
         for step, (configuration, assessment) in enumerate(zip(result.configurations, result.assessments, strict=True)):
@@ -113,7 +114,7 @@ def configuration_rows(result: SweepResult) -> list[Row]:
                     "median_rms_m": errors.median_rms_m,
                     **{f"share_under_{mm}mm": errors.share_under(mm / 1000) for mm in THRESHOLDS_MM},
                     "noise_share": errors.noise_share,
-                    **_budget(predicted, measured),
+                    **{f"budget_{name}": factor for name, factor in asdict(budgets[step]).items()},
                     "rejected_detections": int(measured.triangulated.rejected.sum()),
                     **(result.own_scores[model][step].columns if result.own_scores else {}),
                 }
@@ -121,23 +122,19 @@ def configuration_rows(result: SweepResult) -> list[Row]:
     return rows
 
 
-def _budget(predicted: Evaluation, measured: Measured) -> Row:
-    """The factors from predicted to measured single-frame PSS, `budget_visibility` and so on."""
-    budget = error_budget(predicted, measured.triangulated, measured.propagated, measured.errors.pss())
-    return {f"budget_{name}": factor for name, factor in asdict(budget).items()}
-
-
+@derived
 def point_rows(result: SweepResult) -> list[Row]:
     """A row for each point of each configuration and noise model."""
     rows: list[Row] = []
     for model in result.noise_models:
-        for configuration, assessment in zip(result.configurations, result.assessments, strict=True):
-            for point in _points(configuration, assessment, model):
+        steps = zip(result.configurations, result.assessments, nees(result, model), strict=True)
+        for configuration, assessment, of_points in steps:
+            for point in _points(configuration, assessment, model, of_points):
                 rows.append({"sweep": result.plan.sweep.name, "configuration": configuration.label, **point})
     return rows
 
 
-def _points(configuration: Configuration, assessment: Assessment, model: str) -> Iterable[Row]:
+def _points(configuration: Configuration, assessment: Assessment, model: str, of_points: Floats) -> Iterable[Row]:
     predicted, measured = assessment.predicted[model], assessment.measured
     errors = measured.errors
     columns = {
@@ -153,7 +150,7 @@ def _points(configuration: Configuration, assessment: Assessment, model: str) ->
         "measured_filter_sigma_m": measured.filter_sigma_m,
         "measured_prior_rms_m": measured.prior_rms_m,
         "measured_posterior_rms_m": measured.posterior_rms_m,
-        "nees": errors.nees(predicted.single_frame_covariance),
+        "nees": of_points,
         "nees_detections": measured.own_nees,
     }
     for number, marker in enumerate(configuration.scene.state.markers):

@@ -18,6 +18,7 @@ from validate.points.configuration import predict
 from validate.prediction.weights import scaled
 from validate.stats.intervals import interval, weighted_spearman
 from validate.stats.optimum import optimum
+from validate.sweeps.derived import derived
 from validate.sweeps.optima import trend
 from validate.sweeps.sweep import SweepResult
 
@@ -28,6 +29,7 @@ __all__ = ["SCALES", "scale_rows"]
 SCALES = (1.0, 0.1, 1e-2, 1e-3, 1e-4, 1e-5)
 
 
+@derived
 def scale_rows(result: SweepResult) -> list[Row]:
     """A row for each of the scene's models whose unit is open, times each of `SCALES`: Spearman of PSS over the steps.
 

@@ -11,6 +11,7 @@ import numpy as np
 from pss.hints import Floats, Row
 from validate.stats.intervals import interval
 from validate.stats.measured_errors import MeasuredErrors
+from validate.sweeps.derived import derived
 from validate.sweeps.optima import kind_words
 from validate.sweeps.replicates import SweepReplicates
 from validate.sweeps.sweep import SweepResult
@@ -23,6 +24,7 @@ def is_measurement(result: SweepResult) -> bool:
     return len(result.plan.configurations) == 1 and len(result.assessments) == 1
 
 
+@derived
 def measurement_rows(result: SweepResult) -> list[Row]:
     """Rows of a sweep of one step; none of any other."""
     if not is_measurement(result):

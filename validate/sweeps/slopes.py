@@ -18,6 +18,7 @@ from pss.hints import Bools, Floats, Row
 from render.random_streams import random_stream
 from validate.stats.intervals import interval
 from validate.stats.measured_errors import MeasuredErrors
+from validate.sweeps.derived import derived
 from validate.sweeps.replicates import sweep_replicates
 from validate.sweeps.sweep import REPLICATES, SweepResult
 
@@ -114,6 +115,7 @@ def _pooled(rms_m: Floats) -> Floats:
     return np.asarray(np.sqrt((rms_m**2).mean(axis=1)))
 
 
+@derived
 def slopes_of(result: SweepResult) -> Slopes | None:
     """The slopes of a sweep; None where its values are no different numbers above 0."""
     values = [configuration.value for configuration in result.configurations]
@@ -127,6 +129,7 @@ def slopes_of(result: SweepResult) -> Slopes | None:
     )
 
 
+@derived
 def slope_rows(result: SweepResult) -> list[Row]:
     """A row for each noise model; none where there is no slope."""
     found = slopes_of(result)
