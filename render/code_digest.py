@@ -169,9 +169,10 @@ def _parsed(source: bytes) -> _Module:
     imports: list[tuple[str, str]] = []
     parts: list[str] = []
     _collect(tree, parts, imports)
+    checked = [part for part in tree.body if isinstance(part, ast.If) and _is_for_types(part.test)]
     passed_on = {
         alias.asname or alias.name: (node.module or "", alias.name)
-        for node in tree.body
+        for node in [*tree.body, *(node for part in checked for node in part.body)]
         if isinstance(node, ast.ImportFrom)
         for alias in node.names
     }
@@ -184,7 +185,11 @@ def _parsed(source: bytes) -> _Module:
 
 
 def _passes_on(statement: ast.stmt) -> bool:
-    """Whether a statement is an import, a docstring or `__all__`."""
+    """Whether a statement is an import, a docstring or `__all__`, or passes names on at their first use."""
+    if isinstance(statement, ast.FunctionDef):
+        return statement.name in ("__getattr__", "__dir__")
+    if isinstance(statement, ast.If):
+        return _is_for_types(statement.test)
     if isinstance(statement, ast.Assign):
         return [ast.unparse(target) for target in statement.targets] == ["__all__"]
     return isinstance(statement, ast.Import | ast.ImportFrom) or (

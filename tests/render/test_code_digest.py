@@ -106,6 +106,23 @@ def test_a_package_that_does_more_than_pass_names_on_counts(tmp_path):
     assert of_views(root) != of_views(ROOT)
 
 
+def test_a_package_that_passes_names_on_at_their_first_use_does_not_count(tmp_path):
+    """`render` and `validate` do; what it passes on counts where it is used."""
+
+    def imported(text: str) -> str:
+        return text.replace("def localise(", "def _late():\n    from render import view\n\n\ndef localise(")
+
+    modules = code_of(
+        "validate.markers.localise",
+        apart=tuple(MEASURE_APART),
+        root=changed(tmp_path, "validate/markers/localise.py", imported),
+    ).modules
+    assert "render" not in modules
+    assert "render.viewing" in modules
+    assert "render" not in view_code().modules
+    assert "render.viewing" not in view_code().modules
+
+
 def test_a_new_helper_module_counts(tmp_path):
     """Wherever it is imported, and what is changed in it later."""
     digests = set()

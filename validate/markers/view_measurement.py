@@ -18,10 +18,8 @@ from numpy.typing import NDArray
 
 from pss import ImageSensor
 from pss.hints import Floats
+from render.captures import captures
 from render.code_digest import Code, code_of
-from render.keys import content_of
-from render.random_streams import random_stream
-from render.sensor import capture, fixed_pattern
 from render.store.arrays import check_arrays
 from render.store.folder import Store
 from render.store.views import stored_view
@@ -137,13 +135,10 @@ def measure(task: MeasureTask) -> Path:
     begin = time.perf_counter()
     store = Store(task.store)
     view = stored_view(store, task.view_key)
-    electrons = view.expected_electrons()
-    pattern = fixed_pattern(view.camera, view.sensor)
-    trials = []
-    for trial in range(task.trials):
-        rng = random_stream(task.seed, content_of(task.view_key), "capture", trial)
-        numbers = capture(electrons, view.sensor, rng, pattern)
-        trials.append(measure_capture(numbers, task.dictionary, task.marker_ids, view.sensor))
+    trials = [
+        measure_capture(numbers, task.dictionary, task.marker_ids, view.sensor)
+        for numbers in captures(view, task.seed, range(task.trials))
+    ]
     pixels, covariances, unexpected_ids = zip(*trials, strict=True)
     seconds = time.perf_counter() - begin
     store.save(
@@ -155,7 +150,7 @@ def measure(task: MeasureTask) -> Path:
             "seconds": np.array(seconds),
         },
         task.code,
-        {"seconds": seconds, "trials": task.trials, "pixels": int(electrons.size)},
+        {"seconds": seconds, "trials": task.trials, "pixels": int(view.radiance.size)},
     )
     return task.path
 
