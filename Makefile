@@ -1,4 +1,5 @@
 # make sweep   set up, then predict and measure the zoom, focus and selection sweeps
+# make quick   set up, lint, type-check, and run the tests that render nothing and take a moment: under two minutes
 # make test    set up, lint, type-check pss/, and run the tests, the correlation gate among them
 # make acceptance   what must be shown but takes longer than `make test` may
 # make docs    the documentation as a site, docs/_build/html/index.html
@@ -16,10 +17,13 @@ UV_VERSION := 0.13.9
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: sweep test lint tests acceptance docs first-screen screenshots notebook lock clean
+.PHONY: sweep quick test lint tests acceptance docs first-screen screenshots notebook lock clean
 
 sweep: $(VENV)/installed
 	$(BIN)/python validate/run_sweep.py zoom focus selection $(ARGS)
+
+quick: lint
+	$(BIN)/python -m pytest -m "not render and not slow and not acceptance" -q -n 2 --dist loadfile
 
 test: lint tests
 

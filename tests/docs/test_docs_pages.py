@@ -9,7 +9,6 @@ import dataclasses
 import importlib
 import io
 import json
-import os
 import re
 import runpy
 import subprocess
@@ -27,6 +26,7 @@ import pss
 from render.light.lit_scene import GlowMeshes
 from render.world.state import Room
 from tests.helpers.documents import BLOCKS, DOCS, ROOT
+from tests.helpers.processes import environment
 from validate import run_sweep
 from validate.prediction.frusta import room_corners
 
@@ -247,7 +247,7 @@ def site(tmp_path_factory):
         capture_output=True,
         text=True,
         timeout=900,
-        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        env=environment(),
     )
     assert done.returncode == 0, done.stderr
     return {path.stem: path.read_text(encoding="utf-8") for path in (folder / "html").glob("*.html")}

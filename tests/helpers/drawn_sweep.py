@@ -32,6 +32,7 @@ from render.random_streams import random_stream
 from render.renderer import Certificate, RenderedView, ViewRequest
 from render.world.marker_print import pattern
 from render.world.state import Marker, SceneState
+from tests.helpers.processes import environment
 from tests.helpers.stored_views import QueueOfThisProcess
 
 ROOT = Path(__file__).parents[2]
@@ -146,7 +147,7 @@ class Runs:
         self._server = subprocess.Popen(
             [sys.executable, "-m", "tests.helpers.drawn_sweep"],
             cwd=ROOT,
-            env=os.environ | {"PYTHONPATH": str(ROOT)},
+            env=environment(),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,

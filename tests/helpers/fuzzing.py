@@ -9,7 +9,6 @@ which file it was that ended it.
 from __future__ import annotations
 
 import json
-import os
 import resource
 import shutil
 import signal
@@ -26,6 +25,7 @@ from typing import Any
 import numpy as np
 
 from tests.helpers.mutations import as_toml, chosen, mutated_bytes, mutated_document, written
+from tests.helpers.processes import environment
 
 ROOT = Path(__file__).parents[2]
 # Reading takes far below a second of processor time, and below a hundred megabytes.
@@ -356,8 +356,7 @@ def campaign(kind: str, seed: int, count: int, folder: Path, cpu_s: int = LONGES
             str(folder),
             str(cpu_s),
         ]
-        environment = os.environ | {"PYTHONPATH": str(ROOT)}
-        child = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=environment, check=False)
+        child = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=environment(), check=False)
         said, last = "nothing was made", first
         for line in map(json.loads, child.stdout.splitlines()):
             last, said = line["number"], line.get("said", said)

@@ -4,7 +4,6 @@ Each rule has an allow-list; an entry without a reason, or one that is no longer
 """
 
 import ast
-import os
 import re
 import subprocess
 import sys
@@ -17,6 +16,7 @@ import pss
 import render
 import scenes
 import validate
+from tests.helpers.processes import environment
 from tests.helpers.sources import PACKAGES, ROOT, imports, modules, relative, tree
 
 RENDERER = {"mitsuba", "drjit"}
@@ -118,14 +118,13 @@ def test_mitsuba_is_imported_inside_functions_only():
 def test_importing_a_layer_loads_nothing_of_the_layers_above(imported, absent):
     """Asked in a process of its own, where nothing is loaded yet."""
     script = f"import {imported}, sys; print(*[name for name in {absent!r} if name in sys.modules])"
-    environment = os.environ | {"PYTHONPATH": str(ROOT)}
     done = subprocess.run(
         [sys.executable, "-c", script],
         capture_output=True,
         text=True,
         check=True,
         cwd=ROOT,
-        env=environment,
+        env=environment(),
         timeout=120,
     )
     assert done.stdout.split() == []

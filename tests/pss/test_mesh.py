@@ -1,7 +1,6 @@
 """Meshes as obstacles: against a ball and a box by formula, against every triangle by itself, and without leaks."""
 
 import itertools
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -15,6 +14,7 @@ from hypothesis import strategies as st
 import pss.surrogates._triangle_tree as triangle_tree
 from pss import Box, GeometryError, PSSError, RangeError, Rectangle, ShapeError, Sphere
 from pss.surrogates import Mesh, any_blocks
+from tests.helpers.processes import environment
 
 # Relative to sizes of about one metre; a few roundings.
 SAME_TO_ROUNDING = 1e-12
@@ -263,7 +263,7 @@ def test_the_metric_starts_without_the_library_that_reads_meshes():
         text=True,
         check=True,
         cwd=root,
-        env=os.environ | {"PYTHONPATH": str(root)},
+        env=environment(),
         timeout=120,
     )
     assert done.stdout.strip() == "False"

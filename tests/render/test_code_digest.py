@@ -23,6 +23,7 @@ from render.lens.sampling import Sampling
 from render.random_streams import random_stream
 from render.renderer import Renderer
 from render.sensor import capture
+from tests.helpers.processes import environment
 from validate.markers.view_measurement import APART as MEASURE_APART
 from validate.markers.view_measurement import MeasureTask, _words_of, measure_capture, measure_code
 from validate.pixel_noise.laboratory import DICTIONARY, Factors, Pose, Setup
@@ -220,9 +221,13 @@ def test_digests_are_the_same_for_all_versions_of_python(python):
     """Their syntax trees differ in fields that say nothing here."""
 
     def printed(program: str) -> str:
-        environment = os.environ | {"PYTHONPATH": str(ROOT), "PYTHONHASHSEED": python[-1]}
         done = subprocess.run(
-            [program, "-c", PRINT_DIGESTS], capture_output=True, text=True, check=False, env=environment, timeout=120
+            [program, "-c", PRINT_DIGESTS],
+            capture_output=True,
+            text=True,
+            check=False,
+            env=environment(PYTHONHASHSEED=python[-1]),
+            timeout=120,
         )
         return done.stdout if done.returncode == 0 else ""
 

@@ -11,7 +11,6 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import psutil
@@ -29,6 +28,7 @@ from render.renderer import Certificate
 from render.store.folder import Store, StoreError
 from render.store.light import baked
 from tests.helpers.closet import ALONE, DETERMINED, SCENE, SELECTION, SWEEP, command, run
+from tests.helpers.processes import environment
 from tests.helpers.stored_views import MARKER, REQUEST
 from validate.acquire import options
 from validate.acquire.acquire import acquire
@@ -288,8 +288,7 @@ def test_without_dask_one_line_says_what_to_install_and_one_process_needs_none(s
 def test_the_modules_of_a_run_in_one_process_load_no_dask():
     """It is an extra; asked in a process of its own."""
     script = "import validate.acquire.acquire, validate.acquire.options, sys; print('dask' in sys.modules)"
-    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[3])}
-    done = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True)
+    done = subprocess.run([sys.executable, "-c", script], env=environment(), capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
 
 
@@ -440,7 +439,13 @@ def same_tables(closet, folder):
 def running(folder, *arguments):
     """A process of its own session, which is ended with all its processes."""
     process = subprocess.Popen(
-        arguments, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+        arguments,
+        cwd=folder,
+        env=environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
     )
     try:
         yield process
@@ -532,7 +537,6 @@ def cluster_on_loopback(folder, number):
     """A scheduler and its workers, each a process group of its own; with the scheduler's address."""
     dask = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"]
     file = folder / f"scheduler-{number}.json"
-    os.environ["PYTHONPATH"] = str(Path(__file__).parents[3])
     with contextlib.ExitStack() as stack:
         scheduler = stack.enter_context(running(folder, *dask, "--no-dashboard", "--scheduler-file", str(file)))
         wait_until(file.exists, scheduler)
