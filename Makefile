@@ -6,7 +6,7 @@
 # make first-screen   draw the README's first picture anew, from the zoom sweep's stored views
 # make screenshots    take the pictures of docs/report.md from the report of `make sweep`; needs a chromium
 # make notebook    run docs/notebook.ipynb again and keep its outputs
-# make lock    write requirements.lock and requirements-evo.lock anew from pyproject.toml
+# make lock    write requirements.lock anew from pyproject.toml
 
 PYTHON ?= python3
 VENV := .venv
@@ -35,7 +35,7 @@ lint: $(VENV)/installed
 tests: $(VENV)/installed
 	$(BIN)/python -m pytest -m "not acceptance" -q -n 2 --dist loadfile
 
-acceptance: $(VENV)/installed-evo
+acceptance: $(VENV)/installed
 	$(BIN)/python -m pytest -m acceptance -s
 
 docs: $(VENV)/installed
@@ -60,19 +60,11 @@ $(VENV)/installed: requirements.lock pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	@touch $@
 
-$(VENV)/installed-evo: $(VENV)/installed requirements-evo.lock
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-evo.lock
-	@touch $@
-
 lock:
 	$(PYTHON) -m venv $(VENV)-lock
 	$(VENV)-lock/bin/python -m pip install --quiet uv==$(UV_VERSION)
 	$(VENV)-lock/bin/uv pip compile --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
 	  --extra dev --custom-compile-command "make lock" pyproject.toml -o requirements.lock
-	# What both files name has one version: the second is installed over the first.
-	$(VENV)-lock/bin/uv pip compile --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
-	  --extra evo --constraint requirements.lock --custom-compile-command "make lock" pyproject.toml \
-	  -o requirements-evo.lock
 	rm -r $(VENV)-lock
 
 clean:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-import re
 import subprocess
 import sys
 import zipfile
@@ -297,31 +296,12 @@ def test_walks_that_do_not_fit_are_refused(tmp_path):
 # ---- evo -------------------------------------------------------------------------------------------------------------
 
 
-def pins(name: str) -> dict[str, set[str]]:
-    """The versions that a lock file names for each package, with what they are for."""
-    found: dict[str, set[str]] = {}
-    for package, version in re.findall(r"^([\w.-]+)==([^\\\n]+)", (ROOT / name).read_text("utf-8"), re.MULTILINE):
-        found.setdefault(package, set()).add(version.partition(";")[0].strip())
-    return found
-
-
-def test_evos_lock_file_changes_no_version_of_the_projects():
-    """`make acceptance` installs it over requirements.lock, and `make test` does without."""
-    own, evos = pins("requirements.lock"), pins("requirements-evo.lock")
-    assert "numpy" in own
-    assert "numpy" in evos
-    assert {package for package in own.keys() & evos.keys() if own[package] != evos[package]} == set()
-    assert "evo" in evos
-    assert "evo" not in own
-
-
 @pytest.mark.acceptance
 @pytest.mark.parametrize(
     ("name", "relation"), [("3", "trans_part"), ("torso", "trans_part"), ("torso", "angle_deg"), ("torso", "full")]
 )
 def test_evo_finds_the_error_that_was_made(tmp_path, name, relation):
     """The command line of the docstring, and numpy's own root mean square over the moments that both files have."""
-    pytest.importorskip("evo")
     truth, estimate, turns, turned = known_walk(tmp_path)
     files = [f"trajectories/H1/{name}-{kind}.tum" for kind in ("truth", "estimate")]
     command = [Path(sys.executable).with_name("evo_ape"), "tum", *files, "--pose_relation", relation]
