@@ -337,6 +337,7 @@ RUNS = {
 
 
 @pytest.mark.acceptance
+@pytest.mark.render
 @pytest.mark.parametrize("name", RUNS)
 def test_the_runs_of_the_pages_leave_what_the_pages_show(name, tmp_path, monkeypatch):
     """Rendered anew: files by name, the best step predicted and measured, and PSS within what other noise explains."""
