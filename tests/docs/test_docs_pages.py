@@ -253,6 +253,7 @@ def site(tmp_path_factory):
     return {path.stem: path.read_text(encoding="utf-8") for path in (folder / "html").glob("*.html")}
 
 
+@pytest.mark.slow
 def test_every_page_is_on_the_site_and_in_its_contents(site):
     pages = {path.stem for path in (*DOCS.glob("*.md"), NOTEBOOK)}
     assert pages <= site.keys()

@@ -80,6 +80,7 @@ def drawn_covariance(sides_px, blur_px, white_e, black_e, sensor, rng, way_px=(0
     return total / CODES
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("module_m", "normal", "focus_m", "psf_um", "tolerance"),
     [
@@ -111,6 +112,7 @@ def test_the_closed_form_is_the_bound_of_drawn_tags(module_m, normal, focus_m, p
     assert np.abs(np.log(ratios)).max() < math.log(1 + tolerance), ratios
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("module_m", "normal", "way", "tolerance"),
     [

@@ -312,6 +312,7 @@ def assert_refusals_are_few(refused, count):
     assert refused["eigenstructure"] >= count / 20, refused
 
 
+@pytest.mark.slow
 def test_campaign_of_six_hundred_systems():
     assert_refusals_are_few(judge(600, sample=2), 600)
 

@@ -83,6 +83,7 @@ def check(kind: str, seed: int, count: int, folder) -> None:
     assert done.read or kind == "archive"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_few_mutated_files_are_read_or_refused(kind, folder):
     check(kind, SHORT, KINDS[kind][0], folder)
@@ -94,6 +95,7 @@ def test_many_mutated_files_are_read_or_refused(kind, folder):
     check(kind, FULL, KINDS[kind][1], folder)
 
 
+@pytest.mark.slow
 def test_a_campaign_notices_what_it_looks_for(tmp_path):
     """Another exception, too much memory, no end, and a line that nobody could read; and it goes on behind each."""
     done = campaign("fault", 1, 4, tmp_path, cpu_s=1)

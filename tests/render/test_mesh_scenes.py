@@ -184,6 +184,7 @@ def test_patches_of_fine_meshes_are_merged_and_keep_the_area():
     np.testing.assert_allclose(np.linalg.norm(seen - BALL.centre_m, axis=1), BALL.radius_m, rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_patches_of_all_meshes_together_are_bounded():
     assert shares([10, 2000, 90, 700], 1500) == [10, 700, 90, 700]
     assert sum(shares([900] * 7, MOST_MESH_PATCHES)) <= MOST_MESH_PATCHES

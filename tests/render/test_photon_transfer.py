@@ -150,6 +150,7 @@ def test_an_explicit_gain_is_found(gain):
     check_saturation(sensor, levels)
 
 
+@pytest.mark.slow
 def test_the_estimator_tells_sensors_apart():
     """A sensor that is off by 3 % of one figure at a time is refused: the tests above can fail."""
     sensor = named("surveillance-ptz")

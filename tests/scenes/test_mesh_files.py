@@ -264,6 +264,7 @@ def test_markers_keep_clear_of_other_objects_and_of_the_room(tmp_path):
         assert not other.blocks(corners, np.roll(corners, -1, axis=0)).any()
 
 
+@pytest.mark.slow
 def test_the_number_that_is_said_to_fit_fits(tmp_path, monkeypatch):
     monkeypatch.setattr(scenes.markers.spread, "TRIES", (400, 1000))  # for the sake of time
     text = LARGER + CRATE + SPREAD.replace("count = 20", "count = 120").replace("0.12", "0.2")
@@ -292,6 +293,7 @@ def test_as_many_markers_as_are_said_to_fit_do_whatever_was_asked_for(distance_m
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("old", "new", "start", "said"),
     [
@@ -308,6 +310,7 @@ def test_rules_of_spread_markers(old, new, start, said, tmp_path):
     assert said in problem
 
 
+@pytest.mark.slow
 def test_a_marker_larger_than_the_flat_parts_is_refused(tmp_path):
     ball = trimesh.creation.icosphere(subdivisions=3, radius=0.3).apply_translation((0, 0, 0.5))
     (problem,) = refused(tmp_path, ball, LARGER + CRATE + SPREAD)

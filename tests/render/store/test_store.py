@@ -222,6 +222,7 @@ def _write_again_and_again(folder, seed):
         store.save(store.light("abc"), {"x": np.full(2000, seed), "y": np.array(number)})
 
 
+@pytest.mark.slow
 def test_writers_of_one_name_and_readers_do_not_hurt_each_other(tmp_path, caplog):
     """Two processes write it at the same time; every read gives what one of them wrote, and nothing is set aside."""
     store = Store(tmp_path)

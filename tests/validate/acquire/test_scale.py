@@ -366,6 +366,7 @@ def cmdline(process):
         return []
 
 
+@pytest.mark.slow
 def test_processes_that_die_are_started_again_and_none_is_left(monkeypatch, tmp_path):
     """The view that kills three workers fails alone; the others are made, and afterwards no process is there."""
     monkeypatch.setattr(dask_workers, "call", deadly_call)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import os
 import re
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -19,8 +22,19 @@ ROOT = Path(__file__).parents[3]
 SCRIPT = ROOT / "validate" / "run_sweep.py"
 
 
-def run(*arguments, cwd=ROOT, timeout=120):
-    """Run the script as a user does."""
+def run(*arguments):
+    """Run the command in this process: its exit code, and what it printed."""
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            code = main([str(argument) for argument in arguments])
+        except SystemExit as end:
+            code = end.code
+    return SimpleNamespace(returncode=code, stdout=out.getvalue(), stderr=err.getvalue())
+
+
+def run_script(*arguments, cwd=ROOT, timeout=120):
+    """Run the script as a user does, in a process of its own."""
     return subprocess.run(
         [sys.executable, str(SCRIPT), *map(str, arguments)],
         cwd=cwd,
@@ -181,7 +195,7 @@ def test_the_installed_command_is_the_script():
     program = [str(installed)] if installed.exists() else written
     for arguments, code in ((["--help"], 0), (["figurs"], 2)):
         there = subprocess.run([*program, *arguments], cwd=ROOT, capture_output=True, text=True, check=False)
-        here = run(*arguments)
+        here = run_script(*arguments)
         said = [text.replace("run_sweep.py", program[0].rpartition("/")[2]) for text in (here.stdout, here.stderr)]
         if program is written:
             said = [here.stdout, here.stderr]
@@ -192,7 +206,7 @@ def test_the_installed_command_is_the_script():
 def test_a_shell_completes_sweeps_commands_and_options(tmp_path):
     """The script that is written, asked by bash itself."""
     script = tmp_path / "completion"
-    assert run("--tyro-write-completion", "bash", script).returncode == 0
+    assert run_script("--tyro-write-completion", "bash", script).returncode == 0
     ask = (
         'source "$0"; ask() { COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); COMPREPLY=(); '
         '"$(complete -p | sed -n "s/.*-F \\([^ ]*\\) .*/\\1/p")"; echo "${COMPREPLY[@]}"; }; '
@@ -204,7 +218,7 @@ def test_a_shell_completes_sweeps_commands_and_options(tmp_path):
 
 def test_dry_run_renders_nothing(tmp_path):
     """It says how many views there are, and leaves no folder."""
-    result = run("zoom", "selection", "--dry-run", "--store", tmp_path / "store", "--out", tmp_path / "out")
+    result = run_script("zoom", "selection", "--dry-run", "--store", tmp_path / "store", "--out", tmp_path / "out")
     assert result.returncode == 0, result.stderr
     assert "12 configurations" in result.stdout
     assert "6 configurations" in result.stdout

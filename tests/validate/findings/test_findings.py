@@ -111,6 +111,7 @@ def test_the_studio_is_named_with_its_commits(copy):
     assert "prospective" not in findings_page(copy)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "gone",
     ["bank-third", "bank-dim", "bank", "calibration_error.csv", "bank/process.csv", "bank/size.csv", "bank/ceiling.csv",
@@ -280,6 +281,7 @@ def test_a_changed_number_changes_the_digest_of_its_figure_alone(copy):
     assert {name for name in before if before[name] != after[name]} == {"findings-nees"}
 
 
+@pytest.mark.slow
 def test_files_of_figures(copy, tmp_path):
     """SVG with its digest, the same bytes twice; PDF with TrueType fonts."""
     drawing = next(each for each in drawings_of(places_of_reference(copy)) if each.name == "findings-process")

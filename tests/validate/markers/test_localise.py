@@ -108,6 +108,7 @@ def test_exactly_drawn_markers_are_unbiased_at_every_angle_and_size(px, angle, d
     assert np.sqrt(np.mean(np.square(errors))) < LARGEST_RMS_BIAS_PX
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("px", "angle"), [(5.0, 0.0), (8.0, 0.0), (8.0, 37.0), (12.0, 90.0)])
 def test_the_stated_covariance_is_that_of_the_errors_in_every_light(px, angle):
     """NEES of markers that are level or not, white at 100 to 9,000 electrons; bias counts as an error."""
@@ -171,6 +172,7 @@ def test_saturated_white_does_not_move_the_centre(white):
     np.testing.assert_allclose(found.centre_px, CENTRE, atol=LARGEST_BIAS_PX)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_covariance_is_that_of_repeated_captures(case):
     """The covariance that a detection claims from its one image is that of the centres over many captures."""

@@ -59,6 +59,7 @@ def moments_of(model: np.ndarray, empty: PixelMoments, seed: int) -> PixelMoment
     return PixelMoments(np.einsum("mti,mtj->mij", draws, draws) / 20, empty.trials, empty.view, empty.point)
 
 
+@pytest.mark.slow
 def test_weights_are_found_again(all_cells):
     """Data made with 1.3 of the physical factor and a floor: both come back, and nothing else."""
     empty, covariances = all_cells

@@ -42,6 +42,8 @@ from validate.schedule.stage import BOTH, stage_of
 from validate.schedule.strategy_ranking import measures, ranking_rows, strategy_rows
 from validate.schedule.training import calibrate_hallway, training_views
 
+pytestmark = pytest.mark.slow
+
 # Of the median over steps and runs, with twelve trials a marker: 1/√(2·36) for each σ, averaged over tens of markers,
 # and what triangulation loses near parallel rays.
 CLOSE_LOG_RATIO = 0.1

@@ -80,6 +80,7 @@ def coverage(correlation: float, count: int) -> dict[str, float]:
     return {name: hits / count for name, hits in covered.items()}
 
 
+@pytest.mark.slow
 def test_intervals_cover_in_few_worlds():
     """A short form of the acceptance test below, at a correlation that blocks of three steps cover to 0.8."""
     low, high = ACCEPTED_OF_FEW

@@ -45,6 +45,7 @@ def result_of(acquired):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", WAYS)
 def test_every_file_damaged_in_turn_is_noticed_and_made_again(wanted, tmp_path, caplog, way):
     """Views, light, measurements and the sums of all of them."""
@@ -195,6 +196,7 @@ def _die():
     os._exit(1)
 
 
+@pytest.mark.slow
 def test_a_worker_that_dies_takes_no_other_call_with_it(tmp_path):
     """Killed once, a call is made again; one that kills its worker each time has failed, and the others are done."""
     found = {}

@@ -63,6 +63,7 @@ def _few(measurement, trials):
     return type(measurement)(measurement.pixels[:trials], measurement.covariance[:trials], 0, 0.0)
 
 
+@pytest.mark.slow
 def test_frames_are_of_people_who_walk(real, schedule):
     assert len(real.scenes) == len(real.steered.cameras) == FRAMES
     assert np.diff(real.walk.times_s) == pytest.approx(1 / 6)
