@@ -1,8 +1,8 @@
-"""Which Mitsuba variant runs, and with which libLLVM. Import Mitsuba only through `start`.
+"""The Mitsuba variant and the libLLVM in use. Import Mitsuba only through `start`.
 
-Dr.Jit looks for libLLVM at its first import, and a libLLVM older than 16 can abort the whole process ("Cannot select …
-fmaximum"), where no handler helps. So a library is chosen before that import and asked for its version in a process of
-its own.
+Dr.Jit searches for libLLVM at its first import, and a libLLVM older than 16 can abort the whole process ("Cannot select
+… fmaximum"), which no handler can catch. Therefore a library is chosen before that import, and its version is queried
+in a separate process.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from pss import MissingLibraryError, RangeError
 
 __all__ = ["VARIANTS", "Backend", "choose", "processor_mark", "set_threads", "start"]
 
-# One channel is all that a monochrome sensor needs; Mitsuba's wheel has no scalar variant with one channel.
+# A monochrome sensor needs one channel only; Mitsuba's wheel has no scalar variant with one channel.
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono", "scalar_rgb")
 OLDEST_LLVM = 16
-# The kind of processor that names nothing: what was stored before the kind was part of a name was made on this one.
+# The kind of processor without a mark in names: results stored before the mark was introduced were made on it.
 UNNAMED_PROCESSOR = "x86_64_v4"
 PACKAGED_LLVM = "karellen-llvm-core"
 
 # LLVMGetVersion came with LLVM 16, so a library without it is too old.
-ASK_VERSION = """
+VERSION_SCRIPT = """
 import ctypes, sys
 try:
     library = ctypes.CDLL(sys.argv[1])
@@ -44,7 +44,7 @@ except AttributeError:
 
 @dataclass(frozen=True)
 class Backend:
-    """What renders: Mitsuba's `variant`, the `libllvm` it compiles with ("" if none), and the line that says so."""
+    """The backend: Mitsuba's `variant`, the `libllvm` it compiles with ("" if none), and the reason for it."""
 
     variant: str
     libllvm: str
@@ -55,7 +55,7 @@ class Backend:
     def identity(self) -> str:
         """Variant, libLLVM and kind of processor in one word.
 
-        Across them pixels agree only within rounding, so views are kept apart.
+        Between different ones pixels agree only within rounding, so that views are kept apart.
         """
         llvm = f"-llvm{self.llvm_major}" if self.libllvm else ""
         return f"mitsuba-{importlib.metadata.version('mitsuba')}-{self.variant}{llvm}{processor_mark()}"
@@ -66,10 +66,10 @@ class Backend:
 
 @cache
 def processor_mark() -> str:
-    """What is added to the name of results that hang on the kind of processor, such as "-x86_64_v3".
+    """Suffix for names of results that depend on the kind of processor, such as "-x86_64_v3".
 
-    The kind is the set of instructions that compilers and numerical libraries choose their code by: microarchitectures
-    of one level round alike. Nothing is added for `UNNAMED_PROCESSOR`.
+    The kind is the instruction set by which compilers and numerical libraries choose their code: microarchitectures of
+    one level round alike. The suffix is empty for `UNNAMED_PROCESSOR`.
     """
     import archspec.cpu  # late: nobody else asks, and it takes a twentieth of a second
 
@@ -78,15 +78,15 @@ def processor_mark() -> str:
 
 
 def llvm_version(library: str | Path) -> int:
-    """Major version of a libLLVM, 0 if it is older than 16, -1 if it does not load. Asked in a process of its own."""
-    answer = subprocess.run(
-        [sys.executable, "-c", ASK_VERSION, str(library)], capture_output=True, text=True, check=False, timeout=60
+    """Major version of a libLLVM, 0 if it is older than 16, -1 if it does not load; queried in a separate process."""
+    finished = subprocess.run(
+        [sys.executable, "-c", VERSION_SCRIPT, str(library)], capture_output=True, text=True, check=False, timeout=60
     )
-    return int(answer.stdout) if answer.returncode == 0 and answer.stdout.strip() else -1
+    return int(finished.stdout) if finished.returncode == 0 and finished.stdout.strip() else -1
 
 
 def packaged_libllvm() -> Path | None:
-    """The libLLVM that comes with the packaged LLVM, or None where that package is not installed."""
+    """The libLLVM of the installed LLVM package; None if that package is not installed."""
     try:
         files = importlib.metadata.files(PACKAGED_LLVM) or []
     except importlib.metadata.PackageNotFoundError:
@@ -96,9 +96,9 @@ def packaged_libllvm() -> Path | None:
 
 
 def _candidates() -> Iterator[tuple[str, str]]:
-    """Libraries to try, each with where it comes from, the user's own choice first.
+    """Libraries to try with their origins, the user's choice first.
 
-    One after the other, as they are asked for: to look for a library of the system starts a compiler.
+    Evaluated lazily: searching for a system library starts a compiler.
     """
     if chosen := os.environ.get("DRJIT_LIBLLVM_PATH"):
         yield chosen, "DRJIT_LIBLLVM_PATH"
@@ -112,20 +112,20 @@ def _candidates() -> Iterator[tuple[str, str]]:
 
 
 def choose(variant: str | None = None) -> Backend:
-    """Choose how to render: `variant` if given, else LLVM with the first libLLVM that is new enough, else scalar.
+    """Choose the backend: `variant` if given, else LLVM with the first libLLVM that is new enough, else scalar.
 
     Raises:
         RangeError: an unknown variant.
-        MissingLibraryError: `variant` needs a library that is not there.
+        MissingLibraryError: `variant` needs a library that is not installed.
     """
     if variant is not None and variant not in VARIANTS:
         raise RangeError(f"--variant {variant!r}; allowed: {', '.join(VARIANTS)}")
     if variant == "scalar_rgb":
-        return Backend(variant, "", 0, "as asked; about ten times slower than LLVM")
+        return Backend(variant, "", 0, "as requested; about ten times slower than LLVM")
     if variant == "cuda_ad_mono":
         if not ctypes.util.find_library("cuda"):
             raise MissingLibraryError("--variant 'cuda_ad_mono' needs NVIDIA's driver (libcuda), which is not there")
-        return Backend(variant, "", 0, "as asked")
+        return Backend(variant, "", 0, "as requested")
     unfit: list[str] = []
     for library, origin in _candidates():
         version = llvm_version(library)
@@ -152,16 +152,16 @@ def _start(backend: Backend) -> Any:
 
 
 def start(backend: Backend | None = None) -> Any:
-    """Mitsuba with its variant set; the module is returned so that nobody imports it before the library is chosen.
+    """Mitsuba with its variant set, as a module, so that it is never imported before the library is chosen.
 
     Raises:
-        MissingLibraryError: Dr.Jit is loaded already, with a libLLVM that nobody checked (it can load one only).
+        MissingLibraryError: Dr.Jit is already loaded, with an unchecked libLLVM (it can load only one).
     """
     return _start(backend or choose())
 
 
 def set_threads(backend: Backend, threads: int) -> None:
-    """Render with this many threads, for a process that has a share of the cores; the pixels are the same.
+    """Render with this many threads, in a process that has a share of the cores; the pixels are the same.
 
     Raises:
         MissingLibraryError: as `start`.
@@ -169,5 +169,5 @@ def set_threads(backend: Backend, threads: int) -> None:
     start(backend)
     import drjit as dr
 
-    # The thread that renders is one of them. Mitsuba's own threads, of the scalar variant, are of the same pool.
+    # The rendering thread is one of them. The threads of Mitsuba's scalar variant belong to the same pool.
     dr.set_thread_count(threads)

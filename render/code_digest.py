@@ -1,11 +1,12 @@
-"""Digests of the code that makes a result: part of the result's name, so that what other code made is never used.
+"""Digests of the code behind a result, as part of the result's name, so that results of other code are never used.
 
-A digest covers the modules that an entry module reaches by its imports within this project: a helper module that is new
-today counts from today on, and no version has to be raised by hand. A package that only passes names on (`from pss
-import PTZCamera`) leads to the modules that define them and to no others. Imports for type checking alone are skipped.
+A digest covers all modules that an entry module imports, directly or not, within this project: new helper modules are
+included automatically, and no version has to be raised by hand. Imports from a package that only re-exports names
+(`from pss import PTZCamera`) lead to the modules that define them and to no others. Imports under TYPE_CHECKING are
+skipped.
 
-What counts of a module is its syntax tree without docstrings, in a form that all versions of Python share: comments,
-docstrings and layout change nothing. The versions of the libraries that these modules import count as well.
+Only a module's syntax tree without docstrings counts, in a form that is the same for all versions of Python: comments,
+docstrings and layout have no effect. The versions of the libraries that these modules import count as well.
 """
 
 from __future__ import annotations
@@ -22,9 +23,9 @@ __all__ = ["DIGITS", "Code", "code_of", "installed_version"]
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("pss", "render", "scenes", "validate")
-# Hexadecimal digits of a digest: among a thousand versions of the code, two share one with probability 1e-4.
+# Hexadecimal digits of a digest: among a thousand versions of the code, two collide with probability 1e-4.
 DIGITS = 8
-# The distributions that bring a library, where they have other names than it; the first that is installed counts.
+# Distributions of libraries whose names differ from the library's; the first that is installed counts.
 DISTRIBUTIONS = {
     "cv2": (
         "opencv-contrib-python-headless",
@@ -35,7 +36,7 @@ DISTRIBUTIONS = {
     "PIL": ("pillow",),
     "mpl_toolkits": ("matplotlib",),
 }
-# Fields of Python's syntax tree that do not change what the code does.
+# Fields of Python's syntax tree that do not affect the code's behaviour.
 WITHOUT_MEANING = {"ctx", "kind", "type_comment"}
 DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 
@@ -55,18 +56,18 @@ class Code:
     digest: str
 
 
-def code_of(*entries: str, apart: tuple[str, ...] = (), root: Path = ROOT) -> Code:
-    """The code that the modules `entries` and all that they import are; the source is read once a process.
+def code_of(*entries: str, excluded: tuple[str, ...] = (), root: Path = ROOT) -> Code:
+    """The code of the modules `entries` and of all that they import; sources are read once per process.
 
     Args:
         entries: names of modules of the project.
-        apart: modules and libraries that do not count, nor what they alone import.
+        excluded: modules and libraries that do not count, nor the imports that only they have.
         root: the folder that holds the project's packages.
 
     Raises:
-        FileNotFoundError: an entry, or a module that is imported, has no source file.
+        FileNotFoundError: an entry, or an imported module, has no source file.
     """
-    reached = _reached(entries, apart, root)
+    reached = _reached(entries, excluded, root)
     libraries = tuple((name, installed_version(name)) for name in reached.libraries)
     content = hashlib.sha256(f"{libraries}\n{reached.digest}".encode())
     return Code(reached.modules, libraries, content.hexdigest()[:DIGITS])
@@ -74,7 +75,7 @@ def code_of(*entries: str, apart: tuple[str, ...] = (), root: Path = ROOT) -> Co
 
 @cache
 def installed_version(library: str) -> str:
-    """Version of the distribution that brings a library, "none" where there is none; the library is not imported."""
+    """Version of a library's distribution, "none" if it is not installed; the library is not imported."""
     for name in DISTRIBUTIONS.get(library, (library,)):
         try:
             return importlib.metadata.version(name)
@@ -94,23 +95,23 @@ class _Reached:
 
 
 @cache
-def _reached(entries: tuple[str, ...], apart: tuple[str, ...], root: Path) -> _Reached:
+def _reached(entries: tuple[str, ...], excluded: tuple[str, ...], root: Path) -> _Reached:
     sources = _Sources(root)
     seen: set[str] = set()
     libraries: set[str] = set()
     waiting = list(entries)
     while waiting:
         name = waiting.pop()
-        if name in seen or name in apart:
+        if name in seen or name in excluded:
             continue
         top = name.partition(".")[0]
         if top not in PACKAGES:
-            if top not in sys.stdlib_module_names and top not in apart:
+            if top not in sys.stdlib_module_names and top not in excluded:
                 libraries.add(top)
             continue
         seen.add(name)
         parents = [name[:at] for at, character in enumerate(name) if character == "."]
-        waiting += [parent for parent in parents if not sources.module(parent).only_passes_on]
+        waiting += [parent for parent in parents if not sources.module(parent).only_reexports]
         waiting += [sources.defined_in(*imported) for imported in sources.module(name).imports]
     modules = tuple(sorted(seen))
     content = hashlib.sha256()
@@ -127,7 +128,7 @@ class _Sources:
         self._modules: dict[str, _Module] = {}
 
     def module(self, name: str) -> _Module:
-        """What a module's or a package's source holds."""
+        """Digest, imports and re-exports of a module or a package."""
         if name not in self._modules:
             folder = self._root.joinpath(*name.split("."))
             path = folder / "__init__.py" if self._is_package(name) else folder.with_suffix(".py")
@@ -135,13 +136,13 @@ class _Sources:
         return self._modules[name]
 
     def defined_in(self, module: str, name: str) -> str:
-        """The module that `from module import name` gets `name` from: a submodule, or where a package has it from."""
+        """The module that `from module import name` refers to: a submodule, or the origin of a package's re-export."""
         if not name or module.partition(".")[0] not in PACKAGES:
             return module
         if self._exists(f"{module}.{name}"):
             return f"{module}.{name}"
-        passed_on = dict(self.module(module).passed_on) if self._is_package(module) else {}
-        return self.defined_in(*passed_on[name]) if name in passed_on else module
+        reexports = dict(self.module(module).reexports) if self._is_package(module) else {}
+        return self.defined_in(*reexports[name]) if name in reexports else module
 
     def _is_package(self, name: str) -> bool:
         return (self._root.joinpath(*name.split(".")) / "__init__.py").is_file()
@@ -155,12 +156,12 @@ class _Sources:
 
 @dataclass(frozen=True)
 class _Module:
-    """What a source file holds: its digest, (module, name or "") of its imports, and the names that it passes on."""
+    """A source file: its digest, (module, name or "") of its imports, and its re-exported names."""
 
     digest: str
     imports: tuple[tuple[str, str], ...]
-    passed_on: tuple[tuple[str, tuple[str, str]], ...]
-    only_passes_on: bool
+    reexports: tuple[tuple[str, tuple[str, str]], ...]
+    only_reexports: bool
 
 
 @cache
@@ -170,7 +171,7 @@ def _parsed(source: bytes) -> _Module:
     parts: list[str] = []
     _collect(tree, parts, imports)
     checked = [part for part in tree.body if isinstance(part, ast.If) and _is_for_types(part.test)]
-    passed_on = {
+    reexports = {
         alias.asname or alias.name: (node.module or "", alias.name)
         for node in [*tree.body, *(node for part in checked for node in part.body)]
         if isinstance(node, ast.ImportFrom)
@@ -179,13 +180,13 @@ def _parsed(source: bytes) -> _Module:
     return _Module(
         hashlib.sha256("\0".join(parts).encode()).hexdigest(),
         tuple(dict.fromkeys(imports)),
-        tuple(passed_on.items()),
-        all(_passes_on(statement) for statement in tree.body),
+        tuple(reexports.items()),
+        all(_is_reexport(statement) for statement in tree.body),
     )
 
 
-def _passes_on(statement: ast.stmt) -> bool:
-    """Whether a statement is an import, a docstring or `__all__`, or passes names on at their first use."""
+def _is_reexport(statement: ast.stmt) -> bool:
+    """Whether a statement is an import, a docstring or `__all__`, or re-exports names at their first use."""
     if isinstance(statement, ast.FunctionDef):
         return statement.name in ("__getattr__", "__dir__")
     if isinstance(statement, ast.If):
@@ -198,9 +199,9 @@ def _passes_on(statement: ast.stmt) -> bool:
 
 
 def _collect(node: object, parts: list[str], imports: list[tuple[str, str]]) -> None:
-    """Add a part of a syntax tree to `parts`, and what it imports to `imports`.
+    """Append the parts of a syntax tree to `parts`, and its imports to `imports`.
 
-    Empty fields are left out, since versions of Python differ in which of them they have (`type_params`).
+    Empty fields are skipped, since they differ between versions of Python (`type_params`).
     """
     if isinstance(node, list):
         parts.append("[")
@@ -215,7 +216,7 @@ def _collect(node: object, parts: list[str], imports: list[tuple[str, str]]) -> 
             if name == "body" and isinstance(node, DOCUMENTED) and ast.get_docstring(node, clean=False) is not None:
                 value = value[1:]
             if isinstance(node, ast.JoinedStr):
-                # Some versions of Python put empty texts between the values of an f-string.
+                # Some versions of Python put empty strings between the values of an f-string.
                 value = [part for part in value if not (isinstance(part, ast.Constant) and part.value == "")]
             if value is None or value == [] or name in WITHOUT_MEANING:
                 continue

@@ -1,4 +1,4 @@
-"""Opening images that others may have written: by the reader that a file's ending names, and of bounded size."""
+"""Reading of images from untrusted sources: by the reader of the file's suffix only, and of bounded size."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from pss import RangeError
 
 __all__ = ["MOST_PIXELS", "one_line", "open_image"]
 
-# Of an image: more than the sensors of cameras have. With the channels of a view it takes 4 GB.
+# Of an image: more than any camera's sensor. With the channels of a view it takes 4 GB.
 MOST_PIXELS = 50_000_000
 # Of an image: views have seven.
 MOST_CHANNELS = 16
 
-# A longer message would push the rest out of sight.
+# A longer message would hide the rest of the line.
 LONGEST_MESSAGE = 200
 
-# A file is what its ending says, or nothing: not tried with the readers of two dozen formats one after the other.
+# A file is read in the format of its suffix or not at all, instead of trying two dozen readers in turn.
 oiio.attribute("try_all_readers", 0)
 
 
 def one_line(text: str) -> str:
-    """A message of a library, which may hold what is in the file, as a part of a line."""
+    """A library's message, which may quote parts of the file, as a part of one line."""
     return "".join(char if char.isprintable() else "?" for char in " ".join(text.split()))[:LONGEST_MESSAGE]
 
 
@@ -34,7 +34,7 @@ def open_image(path: Path) -> Any:
     """OpenImageIO's open reader of the image at `path`; to be closed by the caller.
 
     Raises:
-        RangeError: it is no file, no image that is understood, or one of more than `MOST_PIXELS` or `MOST_CHANNELS`.
+        RangeError: the file is missing, not a readable image, or has more than `MOST_PIXELS` or `MOST_CHANNELS`.
     """
     if not os.path.isfile(path):
         raise RangeError("there is no such file")
@@ -43,7 +43,7 @@ def open_image(path: Path) -> Any:
         if image is None:
             raise RangeError(one_line(oiio.geterror()) or "it is no image")
     except UnicodeDecodeError:
-        # The reader quotes what it found in the file, whatever bytes those are.
+        # The reader quotes bytes of the file, whatever they are.
         raise RangeError("its header is damaged; allowed: an image whose names are text") from None
     spec = image.spec()
     size = (spec.width, spec.height, spec.depth)

@@ -1,8 +1,8 @@
-"""Names of views and of solved light: hashes of all that determines them.
+"""Names of views and of solved light: hashes of everything that determines them.
 
-A name has two parts. The first stands for what is seen: scene state, camera, sensor, sampling and renderer. The second
-stands for the code that makes it, and the versions of the libraries that the code uses (`render.code_digest`). Random
-numbers hang on the first part alone, so that results before and after a change of the code have the same noise.
+A name has two parts. The first identifies the content: scene state, camera, sensor, sampling and renderer. The second
+identifies the code that renders it and the versions of the libraries it uses (`render.code_digest`). Random numbers
+depend on the first part only, so that results before and after a change of the code have the same noise.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from render.world.marker_print import pattern
 from render.world.state import SceneState
 
 __all__ = [
-    "APART",
+    "EXCLUDED",
     "content_of",
     "digest_of",
     "light_code",
@@ -31,10 +31,10 @@ __all__ = [
     "view_key",
 ]
 
-# Hexadecimal digits of a view's name that stand for what is seen; those of the code follow.
+# Hexadecimal digits of the content in a view's name; those of the code follow.
 CONTENT_DIGITS = 16
 STATE_DIGITS = 24
-APART = {
+EXCLUDED = {
     "render.code_digest": "makes names; what it finds is the name",
     "pss.surrogates._mesh_files": "reads a mesh from its file, and the name holds the mesh itself",
     "archspec": "finds the kind of processor, which the renderer's name holds",
@@ -45,12 +45,12 @@ APART = {
 
 def view_code() -> Code:
     """The code that renders and stores views."""
-    return code_of("render.renderer", "render.files.exr", apart=tuple(APART))
+    return code_of("render.renderer", "render.files.exr", excluded=tuple(EXCLUDED))
 
 
 def light_code() -> Code:
-    """The code that solves a scene's light; Mitsuba casts rays for it where meshes stand in the way."""
-    return code_of("render.light.lit_scene", "render.light.radiosity", "mitsuba", "drjit", apart=tuple(APART))
+    """The code that solves a scene's light; Mitsuba traces rays for it where meshes occlude."""
+    return code_of("render.light.lit_scene", "render.light.radiosity", "mitsuba", "drjit", excluded=tuple(EXCLUDED))
 
 
 def view_key(content: object) -> str:
@@ -59,19 +59,19 @@ def view_key(content: object) -> str:
 
 
 def content_of(key: str) -> str:
-    """The part of a view's name that stands for what is seen, whatever code rendered it."""
+    """The content part of a view's name, independent of the code that rendered it."""
     return key[:CONTENT_DIGITS]
 
 
 @lru_cache(maxsize=256)
 def state_key(state: SceneState) -> str:
-    """Hash of a scene state, with the black and white modules of its markers; kept, since a person is long to hash."""
+    """Hash of a scene state, with the modules of its markers; cached, since hashing a person is slow."""
     modules = [np.packbits(pattern(state.print.dictionary, marker.id)).tobytes().hex() for marker in state.markers]
     return digest_of([state, modules])[:STATE_DIGITS]
 
 
 def light_key(state: SceneState) -> str:
-    """The name under which a scene state's solved light is stored; kinds of processor round it differently."""
+    """The name of a scene state's solved light; it depends on the kind of processor, which affects rounding."""
     return f"{state_key(state)}-{light_code().digest}{backend.processor_mark()}"
 
 

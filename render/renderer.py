@@ -1,6 +1,6 @@
-"""One view: what one camera sees of one scene state, the unit of rendering and of storage.
+"""One view: the image of one scene state in one camera, the unit of rendering and of storage.
 
-A view is named by the hash of all that determines its pixels, so that whoever needs it again finds it.
+A view's name is the hash of everything that determines its pixels, so that it can be found and reused.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ from render.world.state import SceneState
 __all__ = ["Certificate", "RenderedView", "Renderer", "ViewRequest"]
 
 
-# An edge crosses a marker's pixel where the samples within it spread (σ) by more than this many times its sensor noise.
+# An edge crosses a marker's pixel if its samples spread (σ) by more than this many times its sensor noise.
 EDGE_SPREAD = 0.5
 # Side of the window over which the certificate pools the noise of edge pixels.
 POOLED_PX = 5
-# px on the image by which the ray of a pixel's centre is moved that has slipped through a seam of triangles.
+# px on the image by which the ray of a pixel's centre is shifted if it passes through a seam between triangles.
 SEAM_PX = 1e-3
 
 
 @dataclass(frozen=True)
 class ViewRequest:
-    """All that determines a view's pixels."""
+    """Everything that determines a view's pixels."""
 
     state: SceneState
     camera: PTZCamera
@@ -48,23 +48,23 @@ class ViewRequest:
 
     @cached_property
     def key(self) -> str:
-        """The view's name: the same for the same pixels, in any run and on any machine of the same kind."""
+        """The view's name: equal for equal pixels, in any run and on any machine of the same kind."""
         return view_key([state_key(self.state), self.camera, self.sensor, self.sampling, self.renderer])
 
     @property
     def content(self) -> str:
-        """The part of the name that the code has no share in; random numbers hang on it."""
+        """The part of the name that is independent of the code; random numbers depend on it."""
         return content_of(self.key)
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """What a view says of itself: sampling noise over sensor noise (σ/σ), from two independent half renders, and more.
+    """A view's quality: sampling noise over sensor noise (σ/σ), from two independent half renders, and more.
 
-    `edge_*` are over the pixels of markers that an edge crosses (nan where there is none), `image_*` over all pixels.
-    The tails of sharp edges are heavy: over one view, `edge_rms` is good to a factor of about 1.6. A pixel's own noise,
-    of which two halves give one sample, is pooled with that of the edge's pixels around it for the percentiles.
-    `samples` were spent on all of it; of the pixels on markers, `saturated_share` (0 to 1) reach saturation.
+    `edge_*` are over the marker pixels that an edge crosses (nan without any), `image_*` over all pixels. The tails of
+    sharp edges are heavy: over one view, `edge_rms` is accurate to a factor of about 1.6. Two halves yield one sample
+    of a pixel's noise, so that for the percentiles it is pooled with the edge pixels around it. `samples` is their
+    total number; `saturated_share` (0 to 1) is the share of marker pixels that reach saturation.
     """
 
     edge_rms: float
@@ -77,10 +77,10 @@ class Certificate:
 
     @classmethod
     def from_json(cls, content: object) -> Certificate:
-        """A certificate out of JSON, where a number that there is not is null.
+        """A certificate from JSON, where missing numbers are null.
 
         Raises:
-            RangeError: other keys, or what is no number.
+            RangeError: other keys, or a value that is not a number.
         """
         names = [field.name for field in dataclasses.fields(cls)]
         if not isinstance(content, dict) or set(content) != set(names):
@@ -91,7 +91,7 @@ class Certificate:
         return cls(**{name: float("nan") if value is None else value for name, value in content.items()})
 
     def meets(self, noise_ratio: float) -> bool:
-        """Whether the 99.9th percentile over the edges of markers is within the bound that was asked."""
+        """Whether the 99.9th percentile over the edges of markers is within the requested bound."""
         return not self.edge_p999 > noise_ratio
 
 
@@ -100,10 +100,10 @@ class RenderedView:
     """A rendered view; images are (height, width).
 
     Attributes:
-        radiance: W/(m² sr), noise-free but for the sampling noise that `certificate` states.
-        depth_m: m along the optical axis through each pixel's centre, from the lens; inf where nothing is hit.
+        radiance: W/(m² sr), noise-free up to the sampling noise that `certificate` states.
+        depth_m: m along the optical axis, for each pixel's centre, from the lens; inf where nothing is hit.
         normal: (height, width, 3), unit, in the world.
-        marker_id: number of the marker whose plate is seen, −1 elsewhere.
+        marker_id: id of the marker whose plate is visible, −1 elsewhere.
         capture_dn: one noisy capture.
     """
 
@@ -135,7 +135,7 @@ class Renderer:
         self._at: dict[float, Any] = {}
 
     def request(self, camera: PTZCamera, sensor: ImageSensor, sampling: Sampling) -> ViewRequest:
-        """The request of a view of this scene state by this renderer."""
+        """The request for a view of this scene state by this renderer."""
         return ViewRequest(self.state, camera, sensor, sampling, self.name)
 
     def render(self, request: ViewRequest) -> RenderedView:
@@ -187,7 +187,7 @@ class Renderer:
         )
 
     def _over_exposure(self, camera: PTZCamera, exposure_s: float) -> list[Any]:
-        """Mitsuba's scenes at instants of the exposure: one where nothing moves as far as the camera can tell."""
+        """Mitsuba's scenes at instants of the exposure: a single one if no motion is visible to the camera."""
         if not any(item.motion for item in self.state.objects):
             return [self._scene]
         times = motion.instants(motion.travel_px(self._meshes, self.state, camera, exposure_s), exposure_s)
@@ -203,17 +203,18 @@ class Renderer:
     ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int32]]:
         """Depth, normal and marker number along the ray from the lens centre through each pixel's centre.
 
-        What moves is taken where it is at the middle of the exposure.
+        Moving objects are at their positions at the middle of the exposure.
         """
         width, height = camera.resolution
         film_x, film_y = thin_lens.straight_film(camera)
         film_x, film_y = (film_x / width).astype(np.float32), (film_y / height).astype(np.float32)
-        distance, normal, plate, lost = self._hits(mitsuba_sensor, film_x, film_y)
-        if lost.any():
-            # In a closed room such a ray has slipped through the seam of two triangles; one beside it does not.
+        distance, normal, plate, missed = self._hits(mitsuba_sensor, film_x, film_y)
+        if missed.any():
+            # In a closed room such a ray has passed through the seam between two triangles; a neighbouring one does
+            # not.
             aside = np.float32(SEAM_PX / width)
-            found = self._hits(mitsuba_sensor, film_x[lost] + aside, film_y[lost] + aside)
-            distance[lost], normal[lost], plate[lost] = found[:3]
+            found = self._hits(mitsuba_sensor, film_x[missed] + aside, film_y[missed] + aside)
+            distance[missed], normal[missed], plate[missed] = found[:3]
         shape, middle = (height, width), np.array(camera.principal_point_px)
         slopes = np.stack([film_x, film_y], axis=-1) * camera.resolution - thin_lens.film_position(middle)
         rays = slopes.reshape(*shape, 2) / camera.focal_px
@@ -230,15 +231,15 @@ class Renderer:
     def _hits(
         self, mitsuba_sensor: Any, film_x: NDArray[np.float32], film_y: NDArray[np.float32]
     ) -> tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.int64], NDArray[np.bool_]]:
-        """Of the first hits through the lens centre: distance in m (∞: none), normal, number of the plate (−1: none).
+        """First hits through the lens centre: distance in m (∞: none), normal, plate number (−1: none), and misses.
 
-        And whether nothing or a back is hit; (N,), (N, 3), (N,), (N,).
+        A miss hits nothing or a back; shapes (N,), (N, 3), (N,), (N,).
         """
         if self._mi.variant().startswith("scalar"):
             hits = np.array([self._hit(mitsuba_sensor, film) for film in zip(film_x, film_y, strict=True)])
             return hits[:, 0], hits[:, 1:4], hits[:, 4].astype(np.int64), hits[:, 5] > 0
-        distance, normal, plate, lost = map(np.array, self._hit(mitsuba_sensor, (film_x, film_y)))
-        return distance, normal, plate.astype(np.int64), lost
+        distance, normal, plate, missed = map(np.array, self._hit(mitsuba_sensor, (film_x, film_y)))
+        return distance, normal, plate.astype(np.int64), missed
 
     def _hit(self, mitsuba_sensor: Any, film: tuple[Any, Any]) -> Any:
         """The same for one place on the film, or for all at once."""
@@ -248,14 +249,14 @@ class Renderer:
         plates = next((shape for shape in self._scene.shapes() if shape.id() == "plates"), None)
         if mi.variant().startswith("scalar"):
             plate = hit.prim_index // 2 if plates is not None and hit.shape == plates else -1
-            lost = not (hit.is_valid() and np.dot(np.ravel(hit.n), np.ravel(ray.d)) < 0)
-            return [hit.t if hit.is_valid() else np.inf, *np.array(hit.n).ravel(), plate, lost]
+            missed = not (hit.is_valid() and np.dot(np.ravel(hit.n), np.ravel(ray.d)) < 0)
+            return [hit.t if hit.is_valid() else np.inf, *np.array(hit.n).ravel(), plate, missed]
         import drjit as dr
 
         is_plate = hit.shape == mi.ShapePtr(plates) if plates is not None else mi.Bool(False)
         plate = dr.select(is_plate, mi.Int32(hit.prim_index // 2), -1)
-        lost = ~(hit.is_valid() & (dr.dot(hit.n, ray.d) < 0))
-        return hit.t.numpy(), hit.n.numpy().T, plate.numpy(), lost.numpy()
+        missed = ~(hit.is_valid() & (dr.dot(hit.n, ray.d) < 0))
+        return hit.t.numpy(), hit.n.numpy().T, plate.numpy(), missed.numpy()
 
 
 def certify(
@@ -265,11 +266,11 @@ def certify(
     saturated: float,
     unseen: NDArray[np.bool_] | bool = False,
 ) -> Certificate:
-    """State the sampling noise that two half renders of a view show.
+    """Certificate of the sampling noise, from the difference of a view's two half renders.
 
     Args:
-        saturated: of the pixels on markers, the share that reaches saturation.
-        unseen: (height, width), pixels that saturate beyond doubt: no capture shows their sampling noise.
+        saturated: share of the marker pixels that reach saturation.
+        unseen: (height, width), pixels that certainly saturate: no capture shows their sampling noise.
     """
     sigma = noise(image.mean)
     ratio = np.where(unseen, np.float32(0), np.abs(image.half_difference) / 2 / sigma)
@@ -291,7 +292,7 @@ def certify(
 
 
 def _pooled(ratio: NDArray[np.float32], on_edge: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """RMS of the ratio over the edge's pixels in a small window about each pixel."""
+    """RMS of the ratio over the edge pixels in a small window about each pixel."""
     counted = uniform_filter(on_edge.astype(np.float32), POOLED_PX)
     square = uniform_filter(np.where(on_edge, ratio**2, 0).astype(np.float32), POOLED_PX)
     return np.sqrt(np.maximum(square, 0) / np.maximum(counted, 0.5 / POOLED_PX**2))

@@ -1,10 +1,10 @@
-"""The sensor: from the radiance that reaches the lens to digital numbers, in named stages with units.
+"""The sensor: from the radiance at the lens to digital numbers, in named stages with units.
 
-radiance → photons → electrons (quantum efficiency, each pixel's own response) → dark current → shot noise of both →
-full well → read-out (each pixel's own offset, read noise) → gain → converter. Many noisy captures come from one render:
-`capture` is called once a trial with a generator of its own, and with the camera's one `fixed_pattern`.
+radiance → photons → electrons (quantum efficiency, each pixel's response) → dark current → shot noise of both → full
+well → read-out (each pixel's offset, read noise) → gain → converter. One render yields many noisy captures: `capture`
+is called once per trial with its own generator, and with the camera's `fixed_pattern`.
 
-A stage may work in the array that it is given and return that; `capture` never touches its caller's.
+A stage may modify its input array and return it; `capture` never modifies its caller's.
 """
 
 from __future__ import annotations
@@ -38,15 +38,15 @@ __all__ = [
 ]
 
 
-# From here on the distribution function of the expansion is within 0.0009 of Poisson's.
+# Above this value the distribution function of the expansion is within 0.0009 of Poisson's.
 EXACT_BELOW_E = 12.0
-# One draw in a billion lies below.
+# One draw in a billion is below.
 SURELY_SIGMA = 6.0
 
 
 @dataclass(frozen=True, eq=False)
 class FixedPattern:
-    """What distinguishes the pixels of one camera: the same in all its frames. Arrays are (height, width).
+    """Differences between the pixels of one camera, the same in all its frames. Arrays are (height, width).
 
     Attributes:
         prnu: each pixel's photo response over the mean, minus 1 (no unit).
@@ -61,9 +61,9 @@ class FixedPattern:
 
 
 def relative_illumination(camera: PTZCamera) -> AnyFloats:
-    """cos⁴ θ of every pixel, (height, width): how a thin lens darkens towards the image's corners.
+    """cos⁴ θ of every pixel, (height, width): the vignetting of a thin lens.
 
-    Where distortion draws the image together, a pixel collects from a larger solid angle.
+    Where distortion compresses the image, a pixel collects from a larger solid angle.
     """
     width, height = camera.resolution
     cx, cy = camera.principal_point_px
@@ -78,14 +78,14 @@ def relative_illumination(camera: PTZCamera) -> AnyFloats:
 
 
 def photoelectrons(photons: AnyFloats, sensor: ImageSensor) -> AnyFloats:
-    """Mean electrons that a mean of `photons` on each pixel sets free (any shape): the quantum efficiency's share."""
+    """Mean photoelectrons of a mean of `photons` on each pixel (any shape): quantum efficiency."""
     return photons * sensor.quantum_efficiency
 
 
 def expected_electrons(radiance_w_per_m2_sr: AnyFloats, camera: PTZCamera, sensor: ImageSensor) -> AnyFloats:
     """Mean photoelectrons of every pixel, (height, width), for a radiance image (height, width).
 
-    The irradiance behind the lens is L (π/4) (a/v)² cos⁴ θ; photons and quantum efficiency are one factor with it
+    The irradiance behind the lens is L (π/4) (a/v)² cos⁴ θ; photons and quantum efficiency are included in one factor
     (`pss.cameras.sensor.electrons_per_radiance`).
     """
     return radiance_w_per_m2_sr * (electrons_per_radiance(camera, sensor) * relative_illumination(camera))
@@ -95,22 +95,22 @@ def expected_electrons(radiance_w_per_m2_sr: AnyFloats, camera: PTZCamera, senso
 
 
 def fixed_pattern(camera: PTZCamera, sensor: ImageSensor) -> FixedPattern:
-    """The pattern of the camera at this place with this many pixels: Gaussian, the same in every frame and every run.
+    """The pattern of the camera at this position with this resolution: Gaussian, the same in every frame and every run.
 
-    Where it looks, and how, changes nothing: a camera that pans is the same body. Of `sensor` only the two σ count, and
-    they scale one pattern.
+    Pan, tilt and other settings have no effect: a camera that pans keeps its sensor. Of `sensor` only the two σ count,
+    as scales of one pattern.
     """
     width, height = camera.resolution
 
     def spread(what: str, sigma: float, lowest: float) -> Images:
         if sigma == 0:
-            # No memory and no time for a sensor without.
+            # No memory and no time for a sensor without it.
             return np.broadcast_to(np.float32(0), (height, width))
         pattern = _body_stream(camera, what).standard_normal((height, width), dtype=np.float32)
         pattern *= np.float32(sigma)
         return np.maximum(pattern, np.float32(lowest), out=pattern)
 
-    # A pixel cannot respond with less than nothing, which is 5 σ away at the largest PRNU allowed.
+    # A pixel's response cannot be negative, which is 5 σ away at the largest PRNU allowed.
     return FixedPattern(spread("prnu", sensor.prnu_share, -1), spread("dsnu", sensor.dsnu_e, -np.inf))
 
 
@@ -125,9 +125,9 @@ def _body_stream(camera: PTZCamera, what: str) -> np.random.Generator:
 
 
 def mean_charge(electrons: Images, sensor: ImageSensor, pattern: FixedPattern | None = None) -> Images:
-    """Mean electrons that each pixel collects in an exposure, of mean photoelectrons without a pattern.
+    """Mean electrons that each pixel collects in an exposure, from mean photoelectrons without a pattern.
 
-    PRNU scales the light's part; the dark current comes in addition.
+    PRNU scales the photoelectrons; the dark current is added.
     """
     if pattern is not None and sensor.prnu_share > 0:
         electrons = electrons * (pattern.prnu + np.float32(1))
@@ -135,11 +135,11 @@ def mean_charge(electrons: Images, sensor: ImageSensor, pattern: FixedPattern | 
 
 
 def shot_noise(electrons: Images, rng: np.random.Generator) -> Images:
-    """Whole electrons of one exposure of mean `electrons` (any shape): Poisson.
+    """Whole electrons of one exposure with mean `electrons` (any shape): Poisson.
 
-    A sum of Poisson variables is one: light and dark current are drawn together. Drawn exactly below `EXACT_BELOW_E`;
-    above it by the Cornish–Fisher expansion of a Poisson variable, rounded, which has its mean, variance and skewness
-    and takes a quarter of the time.
+    A sum of Poisson variables is Poisson, so that light and dark current are drawn together. Exact below
+    `EXACT_BELOW_E`; above it by the rounded Cornish–Fisher expansion of a Poisson variable, which has its mean,
+    variance and skewness and takes a quarter of the time.
     """
     z = rng.standard_normal(electrons.shape, dtype=np.float32)
     # rint(electrons + z √(electrons − …) + (z² − 1)/6), in two arrays. Rounding adds 1/12 to the variance, the
@@ -159,14 +159,14 @@ def shot_noise(electrons: Images, rng: np.random.Generator) -> Images:
 
 
 def fill_well(electrons: Images, sensor: ImageSensor) -> Images:
-    """Electrons that stay in the pixels' wells: what is beyond the full well is lost. Works in place."""
+    """Electrons in the pixels' wells: those above the full well are lost. Works in place."""
     return np.minimum(electrons, np.float32(sensor.full_well_e), out=electrons)
 
 
 def read_out(
     electrons: Images, sensor: ImageSensor, rng: np.random.Generator, pattern: FixedPattern | None = None
 ) -> Images:
-    """Electrons as the amplifier sees them: read noise, and DSNU as an offset of each pixel's own. Works in place."""
+    """Electrons at the amplifier: with read noise, and DSNU as an offset of each pixel. Works in place."""
     electrons += np.float32(sensor.read_noise_e) * rng.standard_normal(electrons.shape, dtype=np.float32)
     if pattern is not None and sensor.dsnu_e > 0:
         electrons += pattern.dsnu_e
@@ -174,14 +174,14 @@ def read_out(
 
 
 def amplify(electrons: Images, sensor: ImageSensor) -> Images:
-    """Digital numbers before the converter, not yet whole: gain and black level. Works in place."""
+    """Digital numbers before the converter, not yet integers: gain and black level. Works in place."""
     electrons /= np.float32(sensor.gain_e_per_dn)
     electrons += np.float32(sensor.black_level_dn)
     return electrons
 
 
 def digitise(numbers: Images, sensor: ImageSensor) -> NDArray[np.uint16]:
-    """Whole digital numbers from 0 to the converter's largest. Works in place."""
+    """Integer digital numbers from 0 to the converter's largest. Works in place."""
     np.rint(numbers, out=numbers)
     return np.clip(numbers, 0, sensor.largest_dn, out=numbers).astype(np.uint16)
 
@@ -192,7 +192,7 @@ def capture(
     """One noisy exposure in digital numbers, (height, width), of mean photoelectrons `electrons` (height, width).
 
     Args:
-        pattern: the camera's own, from `fixed_pattern`; without it all pixels are alike, whatever `sensor` says.
+        pattern: the camera's, from `fixed_pattern`; without it all pixels are equal, whatever `sensor` states.
     """
     charge = mean_charge(np.asarray(electrons, dtype=np.float32), sensor, pattern)
     collected = fill_well(shot_noise(charge, rng), sensor)
@@ -200,9 +200,9 @@ def capture(
 
 
 def surely_saturated(electrons: AnyFloats, sensor: ImageSensor) -> NDArray[np.bool_]:
-    """Where mean photoelectrons (any shape) saturate in every capture, even if the mean is twice what it should be.
+    """Where mean photoelectrons (any shape) certainly saturate, even if the mean is twice what it should be.
 
-    PRNU and noise take `SURELY_SIGMA` of their σ away.
+    PRNU and noise are taken into account with `SURELY_SIGMA` of their σ.
     """
     least = np.asarray(electrons) * max(0.0, 1 - SURELY_SIGMA * sensor.prnu_share)
     return np.asarray(least / 2 - SURELY_SIGMA * sensor.noise_electrons(least / 2) > sensor.saturation_e)
@@ -211,7 +211,7 @@ def surely_saturated(electrons: AnyFloats, sensor: ImageSensor) -> NDArray[np.bo
 def saturated_share(electrons: AnyFloats, sensor: ImageSensor) -> float:
     """Share (0 to 1) of the pixels whose mean charge, for mean photoelectrons of any shape, reaches saturation.
 
-    Shot noise saturates some pixels below that and spares some above.
+    Because of shot noise some pixels below it saturate, and some above do not.
     """
     charge = np.asarray(electrons) + sensor.dark_signal_e
     return float(np.mean(charge >= sensor.saturation_e)) if charge.size else 0.0

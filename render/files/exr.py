@@ -1,17 +1,14 @@
-"""Views as OpenEXR files: layers for the eye, and a header from which camera and sensor come back bit for bit.
+"""Views as OpenEXR files: layers for viewers, and a header from which camera and sensor are restored exactly.
 
-A channel's name before its last dot is its layer, as programs that show OpenEXR group them:
+A channel's name before its last dot is its layer, as OpenEXR viewers group them:
 
-| layer | channels | type | what |
-|---|---|---|---|
-| (first) | `Y` | float | radiance in W/(m² sr) |
-| `capture` | `capture.Y` | float | one noisy exposure, whole digital numbers (DN) |
-| `depth` | `depth.Z` | float | m along the optical axis, of what the pixel's centre hits; inf: nothing |
-| `normal` | `normal.X`, `.Y`, `.Z` | half | unit vector in the world |
-| `marker` | `marker.id` | float | id of the marker whose plate is hit, a whole number; −1: none |
+| layer | channels | type | content | |---|---|---|---| | (first) | `Y` | float | radiance in W/(m² sr) | | `capture` |
+`capture.Y` | float | one noisy exposure, whole digital numbers (DN) | | `depth` | `depth.Z` | float | m along the
+optical axis, at the pixel's centre; inf: nothing | | `normal` | `normal.X`, `.Y`, `.Z` | half | unit vector in the
+world | | `marker` | `marker.id` | float | id of the marker whose plate is hit, a whole number; −1: none |
 
-`Y` is what those programs show as luminance, and so are the captures. The header also has the attributes of
-`render.files.exr_attributes`, which are OpenEXR's own.
+Viewers display `Y` as luminance, and so the captures. The header also has OpenEXR's standard attributes
+(`render.files.exr_attributes`).
 """
 
 from __future__ import annotations
@@ -47,19 +44,19 @@ UNITS = {
     "normal": "unit vector in the world",
     "marker.id": "number of the marker, -1 where there is none",
 }
-# float32 where a number is measured; half would cut a 12-bit capture and the third digit of depth.
+# float32 for measured quantities; half would truncate a 12-bit capture and the third digit of depth.
 TYPES = ("float", "float", "float", "half", "half", "half", "float")
 # zlib at its fastest level: 0.5 s and 9.6 MB a view of 1280 × 960; higher levels save 1 %.
 COMPRESSION = "zip:1"
 
 
 class ImageFileError(PSSError, OSError):
-    """An image file cannot be written, read, or is not one of ours."""
+    """An image file cannot be written or read, or was not written by this project."""
 
 
 @dataclass(frozen=True, eq=False)
 class ViewPlanes:
-    """Some channels of a view, (height, width) each, by the names that they have in the file."""
+    """Some channels of a view, (height, width) each, by their names in the file."""
 
     key: str
     camera: PTZCamera
@@ -68,7 +65,7 @@ class ViewPlanes:
 
 
 def write_view(path: Path, view: RenderedView, request: ViewRequest) -> None:
-    """Write `view` to `path`. The caller chooses a temporary name and renames (see `render.store.folder`)."""
+    """Write `view` to `path`. The caller chooses a temporary name and renames it (see `render.store.folder`)."""
     height, width = view.radiance.shape
     spec = oiio.ImageSpec(width, height, len(CHANNELS), "float")
     spec.channelnames = CHANNELS
@@ -113,7 +110,7 @@ def header(view: RenderedView, request: ViewRequest) -> dict[str, str]:
 
 
 def read_view(path: Path) -> RenderedView:
-    """Read a view back: the same camera, sensor and images that were written.
+    """Read a view: the same camera, sensor and images that were written.
 
     Raises:
         ImageFileError: the file is missing, damaged, larger than `render.images` allows, or lacks a header attribute.
@@ -140,7 +137,7 @@ def read_view(path: Path) -> RenderedView:
 
 
 def read_planes(path: Path, names: Sequence[str]) -> ViewPlanes:
-    """Some of a view's channels, in a third of the time that all take.
+    """Some of a view's channels; a third of the time of reading all.
 
     Raises:
         ImageFileError: as `read_view`.
@@ -163,14 +160,14 @@ def read_certificate(path: Path) -> Certificate:
     """The certificate in a view's header, without reading its pixels.
 
     Raises:
-        ImageFileError: as `read_view`, but for damage to the pixels.
+        ImageFileError: as `read_view`, except for damage to the pixels.
     """
     with _opened(path) as image:
         return _certificate(path, image.spec())
 
 
 def _check_planes(path: Path, planes: dict[str, Any], camera: PTZCamera, size: tuple[int, int]) -> None:
-    """The image is as large as the camera's, and whole numbers are some."""
+    """Check that the image has the camera's size, and that integer channels have integers."""
     if tuple(camera.resolution) != size:
         raise ImageFileError(
             f"{path}: {size[0]} × {size[1]} pixels of a camera of {camera.resolution[0]} × {camera.resolution[1]}; "
@@ -178,16 +175,16 @@ def _check_planes(path: Path, planes: dict[str, Any], camera: PTZCamera, size: t
         )
     for name, lowest, highest in (("marker.id", -1, 2**24), ("capture.Y", 0, 2**16 - 1)):
         plane = planes.get(name)
-        # Written so that what is no number fails.
+        # Written so that nan fails.
         if plane is not None and not ((plane >= lowest) & (plane <= highest) & (plane == np.round(plane))).all():
             raise ImageFileError(f"{path}: {name} holds what is no whole number from {lowest} to {highest}")
 
 
 @contextlib.contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    """OpenImageIO's reader of a view; a channel that is missing, and a wrong header, are raised as `ImageFileError`.
+    """OpenImageIO's reader of a view; a missing channel or a wrong header raises `ImageFileError`.
 
-    So a view of older code that a store may hold is made again, and not found to be unreadable when it is measured.
+    A stored view of older code is thus rendered again on request, instead of failing when it is measured.
     """
     try:
         image = open_image(path)
@@ -204,9 +201,9 @@ def _opened(path: Path) -> Iterator[Any]:
 
 
 def _certificate(path: Path, spec: Any) -> Certificate:
-    said = _attribute(path, spec, "certificate")
+    content = _attribute(path, spec, "certificate")
     try:
-        return Certificate.from_json(said)
+        return Certificate.from_json(content)
     except RangeError as error:
         raise ImageFileError(f"{path}: {error}") from error
 

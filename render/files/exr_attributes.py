@@ -1,4 +1,4 @@
-"""OpenEXR's own attributes for a camera, beside which `render.files.exr` writes this project's (`pss:…`).
+"""OpenEXR's standard attributes for a camera; `render.files.exr` writes this project's (`pss:…`) beside them.
 
 They follow OpenEXR's "Standard Attributes": matrices multiply row vectors from the right; the camera space is
 left-handed, x right, y **up**, z forward (ours: y down); normalised device coordinates (NDC) run from (0, 0) at the
@@ -25,9 +25,9 @@ PAIR = oiio.TypeDesc(oiio.BASETYPE.FLOAT, oiio.AGGREGATE.VEC2)
 def standard_attributes(camera: PTZCamera, sensor: ImageSensor) -> dict[str, tuple[Any, Any]]:
     """The type and value of each attribute, by OpenImageIO's name for it.
 
-    OpenImageIO writes `FNumber` as `aperture` and `ExposureTime` as `expTime`. A Gaussian lens without thickness has
-    its effective focal length f in `effectiveFocalLength` and `nominalFocalLength`, and the distance v to the image,
-    which sets the field of view, in `pinholeFocalLength`. Radial distortion has no standard attribute.
+    OpenImageIO writes `FNumber` as `aperture` and `ExposureTime` as `expTime`. For an ideal thin lens, the focal length
+    f is in `effectiveFocalLength` and `nominalFocalLength`, and the image distance v, which determines the field of
+    view, in `pinholeFocalLength`. Radial distortion has no standard attribute.
     """
     width, height = camera.resolution
     pitch_mm = camera.pixel_pitch_m * 1e3
@@ -42,7 +42,7 @@ def standard_attributes(camera: PTZCamera, sensor: ImageSensor) -> dict[str, tup
         "sensorOverallDimensions": (PAIR, (width * pitch_mm, height * pitch_mm)),  # mm
         "sensorPhotositePitch": (FLOAT, pitch_mm * 1e3),  # µm
         "sensorCenterOffset": (PAIR, (0.0, 0.0)),  # µm
-        # The image plane at a distance of 1, which every OpenEXR file states.
+        # The image plane at a distance of 1, which every OpenEXR file has to state.
         "screenWindowWidth": (FLOAT, width / camera.focal_px),
         "screenWindowCenter": (PAIR, (0.0, 0.0)),
         "worldToCamera": (MATRIX, _flat(world_to_camera(camera))),
@@ -65,7 +65,7 @@ def world_to_camera(camera: PTZCamera) -> Floats:
 def world_to_ndc(camera: PTZCamera) -> Floats:
     """(4, 4), for row vectors: [X Y Z 1] @ M, divided by its last number, is [x, y, …] in NDC.
 
-    The third number, which OpenEXR leaves open, is 1 − 1/depth: 0 at 1 m, 1 far away.
+    The third number, which OpenEXR does not define, is 1 − 1/depth: 0 at 1 m, 1 at infinity.
     """
     width, height = camera.resolution
     fx, fy = camera.focal_px / width, camera.focal_px / height

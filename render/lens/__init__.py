@@ -1,1 +1,1 @@
-"""From the lit scene to radiance on the sensor: thin lens, its defects, motion, and sampling by need."""
+"""From the lit scene to radiance on the sensor: thin lens, lens effects, motion, and adaptive sampling."""

@@ -1,4 +1,4 @@
-"""What a real lens adds to Mitsuba's thin one, by where samples go: blur in focus, distortion, straight blades."""
+"""Effects of a real lens beyond Mitsuba's thin lens, by moving samples: blur in focus, distortion, straight blades."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from render.lens import thin_lens
 
 __all__ = ["PlaceOnFilm"]
 
-# Of Newton's method for the slope before distortion, from the slope after it: single precision after four, but at the
-# fold of the lens, where each step only halves what is left.
+# Newton steps for the slope before distortion, from the slope after it: single precision after four, except at the
+# lens's fold, where each step only halves the error.
 NEWTON_STEPS = 12
-# Nearer to the fold the radius hardly grows: rounding over its slope would carry the next step far off.
+# Closer to the fold the radius hardly grows: rounding over its slope would make the next step far too long.
 SMALLEST_SLOPE = 1e-3
-# Slope, stands in for the fold of a lens that has none.
+# Slope that replaces the fold of a lens without one.
 NO_FOLD = 1e6
 
 
 class PlaceOnFilm:
-    """Where on Mitsuba's film and lens a sample belongs, for a lens that blurs, distorts or has blades."""
+    """Position of a sample on Mitsuba's film and lens, for a lens with blur, distortion or blades."""
 
     def __init__(self, camera: PTZCamera, mi: Any) -> None:
         import drjit as dr
@@ -31,7 +31,7 @@ class PlaceOnFilm:
         self.blurs, self.distorts = camera.psf_sigma_um > 0, any(camera.radial_distortion)
         if self.blurs:
             self.quantiles = mi.Float(thin_lens.pixel_response(camera.psf_sigma_px).astype(np.float32))
-        # Data, not constants: another setting compiles nothing new.
+        # Data, not constants, so that other settings need no new compilation.
         settings = (*camera.radial_distortion, camera.focal_px, *(n + 0.5 for n in camera.principal_point_px))
         self.k1, self.k2, self.focal, self.cx, self.cy = (dr.opaque(mi.Float, value) for value in settings)
         ends = fold_radius(*camera.radial_distortion), furthest_radius(*camera.radial_distortion)
@@ -46,7 +46,7 @@ class PlaceOnFilm:
             return self.mi.Point2f(x, y)
         x, y = (x - self.cx) / self.focal, (y - self.cy) / self.focal
         radius = self.dr.sqrt(x * x + y * y)
-        # A blurred pixel at the very fold collects from beyond it, where nothing is imaged but the fold itself.
+        # A blurred pixel at the fold collects from beyond it, where only the fold itself is imaged.
         bent = self.dr.minimum(radius, self.furthest)
         true = self.dr.minimum(bent, self.fold)
         for _ in range(NEWTON_STEPS):
@@ -58,11 +58,11 @@ class PlaceOnFilm:
         return self.mi.Point2f(x * scale + self.cx, y * scale + self.cy)
 
     def aperture(self, sample: Any) -> Any:
-        """Sample of Mitsuba's round lens that goes through the same place of this one's aperture."""
+        """Sample of Mitsuba's round lens at the same position in this lens's aperture."""
         if not self.blades:
             return sample
         dr, mi = self.dr, self.mi
-        # One triangle from the centre to each blade, evenly by area.
+        # One triangle from the centre to each blade, uniform by area.
         position = sample.x * self.blades
         blade = dr.minimum(dr.floor(position), self.blades - 1)
         outwards = dr.sqrt(position - blade)

@@ -1,7 +1,7 @@
-"""Motion during the exposure: the scene at instants spread evenly over the shutter's time.
+"""Motion during the exposure: the scene at instants spread evenly over the exposure time.
 
-The middle of the exposure is the time at which a scene state is as its file says. Light is solved for that moment and
-moves along with what it lies on: over the centimetres of an exposure shading does not change.
+A scene file describes the state at the middle of the exposure. Light is solved for that moment and moves with the
+surfaces: over the centimetres of an exposure, shading does not change.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from render.world.state import Motion, SceneState
 __all__ = ["instants", "moved", "over_shutter", "travel_px"]
 
 
-# What n instants in place of the whole exposure may cost, in shares of an edge's contrast. As an edge crosses a pixel,
-# its light is a ramp; the middles of n equal parts are exact but at its two kinks: a way of L px costs L/(8 n²).
+# Error allowed for n instants instead of a continuous exposure, as a share of an edge's contrast. The light of an edge
+# crossing a pixel is a ramp; midpoints of n equal parts are exact except at its kinks: L px of motion cost L/(8 n²).
 SHARE_OF_CONTRAST = 0.002
 MOST_INSTANTS = 64
 
@@ -48,34 +48,34 @@ def _carried(points_m: Floats, motion: Motion, seconds: float) -> Floats:
 
 
 def travel_px(meshes: GlowMeshes, state: SceneState, camera: PTZCamera, exposure_s: float) -> float:
-    """The longest way in px that any vertex in front of the camera goes in its image during the exposure."""
+    """The longest path in px of any vertex in front of the camera during the exposure."""
     longest = 0.0
     ends = [moved(meshes, state, sign * exposure_s / 2) for sign in (-1, 1)]
     for name in ("vertices_m", "plates_m"):
         points = [getattr(end, name).reshape(-1, 3) for end in ends]
         moving = (points[0] != points[1]).any(axis=1)
         (first, near), (last, far) = (camera.project(part[moving]) for part in points)
-        # What lies right beside the lens moves without bound and fills the image with nothing but blur.
+        # Surfaces right beside the lens move without bound and only fill the image with blur.
         seen = np.minimum(near, far) > camera.focal_length_m
         longest = max(longest, float(np.linalg.norm(last - first, axis=-1)[seen].max(initial=0.0)))
     return longest
 
 
 def instants(travel: float, exposure_s: float) -> Floats:
-    """Times in s from the middle of the exposure, a power of two of them: the middles of equal parts of the exposure.
+    """Times in s from the middle of the exposure: midpoints of equal parts, as many as a power of two.
 
     Args:
         travel: px, from `travel_px`.
     """
-    wanted = math.sqrt(travel / (8 * SHARE_OF_CONTRAST))
-    count = 2 ** math.ceil(math.log2(min(max(wanted, 1.0), MOST_INSTANTS)))
+    needed = math.sqrt(travel / (8 * SHARE_OF_CONTRAST))
+    count = 2 ** math.ceil(math.log2(min(max(needed, 1.0), MOST_INSTANTS)))
     return ((np.arange(count) + 0.5) / count - 0.5) * exposure_s
 
 
 def over_shutter(samplers: Sequence[PixelSampler]) -> PixelSampler:
-    """One sampler of several instants, a power of two of them: a pixel's samples are shared out evenly among them.
+    """One sampler for several instants, as many as a power of two: each pixel's samples are divided evenly among them.
 
-    With fewer samples than instants, a pixel's samples lie at as many instants, in even steps from a random first.
+    With fewer samples than instants, a pixel's samples are at as many instants, equally spaced from a random first one.
     """
 
     def sampler(pixels: NDArray[np.uint32], count: int, rng: np.random.Generator) -> tuple[Images]:
@@ -88,7 +88,7 @@ def over_shutter(samplers: Sequence[PixelSampler]) -> PixelSampler:
         for instant in samplers[first::step]:
             part, variance = instant(pixels, share, rng)
             mean += part
-            # Back to the mean of the squares: the variance is corrected for a sample's size.
+            # Back to the mean of the squares: the variance has Bessel's correction.
             square += variance * ((share - 1) / share) + part.astype(float) ** 2
         mean, square = mean / used, square / used
         variance = np.maximum(square - mean**2, 0.0) * (count / max(count - 1, 1))

@@ -1,10 +1,10 @@
-"""Sampling by need: many samples where the pixel's own variance asks for them, few in the flat rest.
+"""Adaptive sampling: many samples where a pixel's variance needs them, few elsewhere.
 
-A pilot pass decides how many samples each pixel needs for its sampling noise to stay below a chosen fraction of its
-sensor noise; independent samples then make the image, in two halves whose difference certifies what was reached. The
-samples of a pixel are a Sobol net in four dimensions (pixel x, y and lens x, y together) under a digital shift of the
-pixel's own, so that defocused edges converge as sharp ones do. (A Kronecker lattice was tried: marker edges that run
-along the sensor's rows see its poor one-dimensional projections and converge no faster than random samples.)
+A pilot pass determines the number of samples that each pixel needs for its sampling noise to stay below a given
+fraction of its sensor noise. Independent samples then form the image, in two halves whose difference certifies the
+result. The samples of a pixel are a Sobol net in four dimensions (pixel x, y and lens x, y together) with a digital
+shift per pixel, so that defocused edges converge as fast as sharp ones. (With a Kronecker lattice, marker edges along
+the sensor's rows meet its poor one-dimensional projections and converge no faster than random samples.)
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from render.light.emission import Emission
 __all__ = ["RingLight", "Sampled", "Sampling", "film_samples", "pixel_means", "sample_image"]
 
 
-# A pixel is sampled anew if it needs more than this many doublings beyond what the pilot said.
+# A pixel is resampled if it needs more than this many doublings beyond the pilot's estimate.
 POWERS_SHORT = 1
-# Rounds of sampling after the pilot, each planned by what the one before has shown.
+# Rounds of sampling after the pilot, each planned by the results of the previous one.
 MOST_ROUNDS = 5
 ITSELF = np.array([[0, 0, 0], [0, 1, 0], [0, 0, 0]], dtype=bool)
 AROUND = ~ITSELF
@@ -38,14 +38,14 @@ TILE_PX = 32
 # The sampling error of a pixel that an edge crosses falls as n^-0.65 or faster under a Sobol net, sharp or defocused
 # (measured from 8 to 2048 samples; benchmarks/README.md); independent samples would give n^-0.5.
 CONVERGENCE_EXPONENT = 0.65
-# Pixels of one sample count differ in how well the net suits the edge that crosses them: what is aimed at is this far
-# below the bound, so that all but one in a thousand keep it (benchmarks/README.md).
+# Pixels of one sample count differ in how well the net suits the edge that crosses them: the target is this far below
+# the bound, so that all but one in a thousand keep it (benchmarks/README.md).
 AIM = 0.58
 
 
 @dataclass(frozen=True)
 class Sampling:
-    """How many samples a pixel gets.
+    """Bounds that determine the number of samples of a pixel.
 
     Attributes:
         noise_ratio: bound on the sampling noise (σ) of the noisiest pixels, the 99.9th percentile of those that an edge
@@ -62,7 +62,7 @@ class Sampling:
 
 @dataclass(frozen=True)
 class RingLight:
-    """A camera's own light: at `position_m` (3,), the lens centre, of `intensity_w_per_sr` in all directions."""
+    """A camera's ring light: at `position_m` (3,), the lens centre, of `intensity_w_per_sr` in all directions."""
 
     position_m: tuple[float, float, float]
     intensity_w_per_sr: float
@@ -70,13 +70,13 @@ class RingLight:
 
 @dataclass(frozen=True, eq=False)
 class Sampled:
-    """An image and what is known of its sampling noise.
+    """An image with an estimate of its sampling noise.
 
     Attributes:
         mean: the image, (height, width).
         half_difference: difference of its two independent halves; half of it estimates the sampling error.
-        variance: of the single samples within each pixel: what an edge that crosses the pixel makes large.
-        samples: spent on all of it, the pilot's included.
+        variance: of the single samples within each pixel; large where an edge crosses the pixel.
+        samples: total number, including the pilot's.
     """
 
     mean: Images
@@ -104,12 +104,12 @@ def sample_image(
     rng: np.random.Generator,
     saturates: Callable[[Images], NDArray[np.bool_]] | None = None,
 ) -> Sampled:
-    """Render an image of `resolution` (width, height) by need.
+    """Render an image of `resolution` (width, height) with adaptive sampling.
 
     Args:
-        sensor_noise: from an image (height, width) to the σ of one capture's noise, in the image's unit.
-        saturates: from an image to where the sensor saturates beyond doubt; where a pixel and all around it do, more
-            samples would show nothing, and it gets the fewest. None: nowhere.
+        sensor_noise: function from an image (height, width) to the σ of one capture's noise, in the image's unit.
+        saturates: function from an image to where the sensor certainly saturates. If a pixel and all its neighbours do,
+            more samples would have no effect, and it gets the fewest. None: nowhere.
     """
     width, height = resolution
     everywhere = np.arange(width * height, dtype=np.uint32)
@@ -123,7 +123,7 @@ def sample_image(
     spent = sampling.pilot * width * height
 
     def fill(chosen: NDArray[np.bool_]) -> int:
-        """Sample some pixels anew, both halves; the number of samples that it took."""
+        """Resample some pixels, both halves; returns the number of samples."""
         used = 0
         for power in np.unique(exponent[chosen]):
             pixels = everywhere[chosen & (exponent == power)]
@@ -135,8 +135,8 @@ def sample_image(
         return used
 
     spent += fill(np.ones(width * height, dtype=bool))
-    # What the pilot's few samples all missed, such as the sliver of an edge in a pixel's corner, may show in the
-    # neighbours by now. The pixel's own samples have no say: to keep them because they look quiet would bias them.
+    # Details that the pilot missed, such as the sliver of an edge in a pixel's corner, may be visible in the neighbours
+    # now. The pixel's own samples are not considered: keeping them because of their low variance would be a bias.
     for _ in range(MOST_ROUNDS - 1):
         second = _needed_exponent(halves.mean(axis=0), variance, AROUND, resolution, sensor_noise, sampling, saturates)
         short = second > exponent + POWERS_SHORT
@@ -161,17 +161,17 @@ def _needed_exponent(
     width, height = resolution
     mean = mean.reshape(height, width)
     noise = sensor_noise(mean)
-    # An edge may miss the few samples of one pixel and show in the next.
+    # An edge may be missed by the few samples of one pixel and appear in the next.
     worst = maximum_filter(variance.reshape(height, width), footprint=footprint)
     by_spread = (np.sqrt(worst) / (AIM * sampling.noise_ratio * noise)) ** (1 / CONVERGENCE_EXPONENT)
-    # Where an edge runs between two pixels, both are flat but for a sliver. One that a net of n samples misses is
-    # narrower than 1/n of the pixel: what two halves of n/2 know of it is good to (σ) less than the contrast over n.
+    # An edge between two pixels leaves both flat but for a sliver. A sliver missed by a net of n samples is narrower
+    # than 1/n of the pixel: the error of two halves of n/2 is below (σ) the contrast over n.
     contrast = maximum_filter(mean, footprint=footprint) - minimum_filter(mean, footprint=footprint)
     by_contrast = contrast / (sampling.noise_ratio * noise)
-    wanted = np.clip(np.maximum(by_spread, by_contrast), sampling.fewest, sampling.most)
+    needed = np.clip(np.maximum(by_spread, by_contrast), sampling.fewest, sampling.most)
     if saturates is not None:
-        wanted[minimum_filter(saturates(mean), size=3)] = sampling.fewest
-    return np.ceil(np.log2(wanted)).astype(np.int64).ravel()
+        needed[minimum_filter(saturates(mean), size=3)] = sampling.fewest
+    return np.ceil(np.log2(needed)).astype(np.int64).ravel()
 
 
 def pixel_means(
@@ -180,7 +180,7 @@ def pixel_means(
     """A sampler of `scene` through `sensor` for the vectorised variants of Mitsuba.
 
     Args:
-        camera: adds what Mitsuba's thin lens has not: its blur in focus, radial distortion and blades.
+        camera: for the effects that Mitsuba's thin lens lacks: blur in focus, radial distortion and blades.
         ring: lights `scene`, baked at 1 W/m², from the camera.
     """
     import drjit as dr
@@ -189,7 +189,7 @@ def pixel_means(
     place = PlaceOnFilm(camera, mi) if camera is not None else None
     emission = Emission(scene, mi)
     if ring is not None:
-        # Data, not constants: another camera compiles nothing new.
+        # Data, not constants, so that another camera needs no new compilation.
         intensity = dr.opaque(mi.Float, ring.intensity_w_per_sr)
         origin = mi.Point3f(*(dr.opaque(mi.Float, x) for x in ring.position_m))
 
@@ -201,14 +201,14 @@ def pixel_means(
     def gather(values: NDArray[np.uint32], where: Any) -> Any:
         return dr.gather(mi.UInt32, mi.UInt32(values), where)
 
-    # Data, not constants: the same code for either.
+    # Data, not constants: the same code for both.
     not_a_number, black = (dr.opaque(mi.Float, value) for value in (np.nan, 0.0))
 
-    def trace(pixels: NDArray[np.uint32], count: int, shifts: NDArray[np.uint32], lost: Any) -> tuple[Images, Images]:
+    def trace(pixels: NDArray[np.uint32], count: int, shifts: NDArray[np.uint32], missed: Any) -> tuple[Images, Images]:
         index = dr.arange(mi.UInt32, len(pixels) * count)
         pixel, sample = index // count, index % count
         number = gather(pixels, pixel)
-        # A float holds 24 bits exactly, so that no sample rounds up to 1, beyond its pixel.
+        # A float represents 24 bits exactly, so that no sample rounds up to 1, beyond its pixel.
         u = [
             mi.Float((gather(net, sample) ^ gather(shift, pixel)) >> 8) * 2.0**-24
             for net, shift in zip(sobol_net(count), shifts, strict=True)
@@ -221,7 +221,7 @@ def pixel_means(
             at, through = place.film(x, y, u[0], u[1]), place.aperture(through)
             film = mi.Point2f(at.x / width, at.y / height)
         ray, _ = sensor.sample_ray(0.0, 0.5, film, through)
-        radiance = emission.radiance(ray, lost, lit_by_ring if ring is not None else None)
+        radiance = emission.radiance(ray, missed, lit_by_ring if ring is not None else None)
         total = dr.block_sum(radiance, count)
         total_of_squares = dr.block_sum(radiance * radiance, count)
         mean = total / count
@@ -231,18 +231,18 @@ def pixel_means(
 
     def sampler(pixels: NDArray[np.uint32], count: int, rng: np.random.Generator) -> tuple[Images, Images]:
         mean, variance = traced(pixels, count, rng, not_a_number)
-        # Samples that slipped through a seam are no light: their pixels are drawn anew. Lost again it is black, the
-        # back of an open surface or the void.
+        # Samples that pass through a seam are not light: their pixels are drawn again. If they miss again the result is
+        # black: the back of an open surface, or the void.
         again = np.isnan(mean)
         if again.any():
             mean[again], variance[again] = traced(pixels[again], count, rng, black)
         return mean, variance
 
-    def traced(pixels: NDArray[np.uint32], count: int, rng: np.random.Generator, lost: Any) -> tuple[Images, Images]:
+    def traced(pixels: NDArray[np.uint32], count: int, rng: np.random.Generator, missed: Any) -> tuple[Images, Images]:
         shifts = rng.integers(0, 2**32, size=(4, len(pixels)), dtype=np.uint32)
         step = max(1, RAYS_AT_ONCE // count)
         parts = [
-            trace(pixels[start : start + step], count, shifts[:, start : start + step], lost)
+            trace(pixels[start : start + step], count, shifts[:, start : start + step], missed)
             for start in range(0, len(pixels), step)
         ]
         means, variances = zip(*parts, strict=True)
@@ -252,9 +252,9 @@ def pixel_means(
 
 
 def film_samples(scene: Any, sensor: Any, mi: Any) -> PixelSampler:
-    """The same for the scalar variants, which trace no lists of rays: whole tiles of the film through `mi.render`.
+    """The same for the scalar variants, which cannot trace lists of rays: whole tiles of the film by `mi.render`.
 
-    About ten times slower a sample, and a tile pays for all its pixels when one of them needs many samples.
+    About ten times slower per sample, and a whole tile is sampled if one of its pixels needs many samples.
     """
     width, height = (int(n) for n in sensor.film().crop_size())
     parameters = mi.traverse(sensor)

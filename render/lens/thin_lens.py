@@ -1,4 +1,4 @@
-"""The camera of the metric as Mitsuba's thin lens. The one place where pixel conventions are converted."""
+"""The metric's camera as Mitsuba's thin lens. The only place where pixel conventions are converted."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["circumradius", "film_position", "load_sensor", "pixel_response", "se
 
 
 NEAR_M, FAR_M = 1e-2, 1e3
-# Steps of the table of a pixel's response, and how far its tails go in σ: beyond lie 6e-7 of the light.
+# Steps of the table of a pixel's response, and the extent of its tails in σ: 6e-7 of the light is beyond.
 RESPONSE_QUANTILES = 2048
 RESPONSE_REACH = 5.0
 
@@ -30,7 +30,7 @@ def film_position(pixels: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]
 def sensor_dict(camera: PTZCamera, mi: Any) -> dict[str, Any]:
     """Mitsuba's description of `camera`: same field of view, aperture and plane of focus; a box filter as pixel."""
     rotation = camera.rotation
-    # Mitsuba looks along +z with x to the left and y up.
+    # Mitsuba's camera points along +z with x to the left and y up.
     to_world = np.eye(4)
     to_world[:3, :3] = np.column_stack([-rotation[0], -rotation[1], rotation[2]])
     to_world[:3, 3] = camera.position_m
@@ -55,12 +55,12 @@ def sensor_dict(camera: PTZCamera, mi: Any) -> dict[str, Any]:
 
 
 def straight_film(camera: PTZCamera) -> tuple[Floats, Floats]:
-    """Mitsuba's film coordinates, each (height · width,), that see what the pixels' centres see.
+    """Mitsuba's film coordinates of the directions of the pixels' centres, each (height · width,).
 
-    Mitsuba's lens is free of distortion; a pixel of a lens that distorts looks where another one's would.
+    Mitsuba's lens has no distortion; a pixel of a distorting lens has the direction of another pixel's.
 
     Raises:
-        RangeError: a pixel where the lens images nothing.
+        RangeError: the lens forms no image at a pixel.
     """
     width, height = camera.resolution
     pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).reshape(-1, 2).astype(float)
@@ -69,15 +69,15 @@ def straight_film(camera: PTZCamera) -> tuple[Floats, Floats]:
 
 
 def circumradius(blades: int) -> float:
-    """Radius of the corners of an aperture of so many blades, over that of the round one of the same area."""
+    """Circumradius of an aperture with this many blades, over the radius of the round one of the same area."""
     return math.sqrt(2 * math.pi / (blades * math.sin(2 * math.pi / blades))) if blades else 1.0
 
 
 def pixel_response(psf_sigma_px: float) -> Floats:
-    """Quantiles, in px from the pixel's first edge, of where light that a pixel collects would fall in a sharp image.
+    """Quantiles, in px from the pixel's first edge, of the sharp-image positions of the light that it collects.
 
-    The pixel's width and the lens's Gaussian, convolved: a sample drawn from it blurs exactly and needs no dimension of
-    its own. Without blur it is the pixel's width alone.
+    This is the convolution of the pixel's width with the lens's Gaussian: samples drawn from it reproduce the blur and
+    need no dimension of their own. Without blur it is the pixel's width.
     """
     levels = np.arange(RESPONSE_QUANTILES + 1) / RESPONSE_QUANTILES
     if psf_sigma_px == 0:
@@ -96,7 +96,7 @@ def load_sensor(camera: PTZCamera, mi: Any) -> Any:
     Raises:
         RangeError: radial distortion that folds the image within the sensor's area.
     """
-    straight_film(camera)  # a corner that the lens does not image is an error before anything is rendered
+    straight_film(camera)  # raises before anything is rendered if the lens does not image a corner
     sensor = mi.load_dict(sensor_dict(camera, mi))
     if not mi.variant().startswith("scalar"):
         _make_settings_data(sensor, mi)
@@ -104,9 +104,9 @@ def load_sensor(camera: PTZCamera, mi: Any) -> Any:
 
 
 def _make_settings_data(sensor: Any, mi: Any) -> None:
-    """Turn the settings from constants in the compiled code into data, so that a new setting compiles nothing new.
+    """Turn the settings from constants in the compiled code into data, so that a new setting needs no compilation.
 
-    As constants they cost a second of compilation for each view (benchmarks/README.md).
+    As constants they cost a second of compilation per view (benchmarks/README.md).
     """
     import drjit as dr
 

@@ -1,1 +1,1 @@
-"""The light in a scene: radiosity, the lit surfaces, and the exposure that they ask for."""
+"""The light in a scene: radiosity, the lit surfaces, and the exposure they require."""

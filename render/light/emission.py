@@ -1,7 +1,7 @@
-"""What leaves the surfaces of a baked scene towards a camera, looked up by hand.
+"""Radiance of the surfaces of a baked scene towards a camera, by direct look-up.
 
-Mitsuba's own emitters are called through pointers, and Dr.Jit compiles such a call for the emitters of every scene that
-is alive. A look-up by number of triangle gives the same light in half the time, and any number of scenes.
+Mitsuba's emitters are called through pointers, and Dr.Jit compiles such a call for the emitters of all scenes in
+memory. A look-up by triangle number yields the same light in half the time, for any number of scenes.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ __all__ = ["Emission"]
 
 
 class Emission:
-    """Radiance of the first surface that rays hit in a scene of `render.light.lit_scene.load_scene`."""
+    """Radiance of the first surfaces that rays hit in a scene of `render.light.lit_scene.load_scene`."""
 
     def __init__(self, scene: Any, mi: Any) -> None:
         self.scene, self.mi = scene, mi
         self.parts = {shape.id(): (mi.ShapePtr(shape), _Part(shape, mi)) for shape in scene.shapes()}
 
-    def radiance(self, ray: Any, lost: Any, ring: Any | None = None) -> Any:
-        """W/(m² sr) that comes back along each ray; `lost` where none is hit, or a back.
+    def radiance(self, ray: Any, missed: Any, ring: Any | None = None) -> Any:
+        """W/(m² sr) along each ray; `missed` where nothing, or a back, is hit.
 
-        In a closed room such a ray has slipped through the seam of two triangles: one in a million does.
+        In a closed room such a ray has passed through the seam between two triangles: one in a million does.
 
         Args:
-            ring: from the places and normals of hits to W/m² for each W/m² that the scene was baked at.
+            ring: function from hit positions and normals to W/m² for each W/m² that the scene was baked at.
         """
         import drjit as dr
 
@@ -39,7 +39,7 @@ class Emission:
             normal = dr.select(here, dr.gather(mi.Normal3f, part.normals, hit.prim_index, here), normal)
         if ring is not None:
             found = found * ring(ray(hit.t), normal)
-        return dr.select(dr.dot(normal, ray.d) < 0, found, lost)
+        return dr.select(dr.dot(normal, ray.d) < 0, found, missed)
 
 
 class _Part:
@@ -63,7 +63,7 @@ class _Part:
             atlas = parameters["emitter.radiance.data"]
             rows, columns = atlas.shape[:2]
             self.light = mi.Float(atlas.array)
-            # Data, not constants: another atlas compiles nothing new.
+            # Data, not constants, so that another atlas needs no new compilation.
             self.rows, self.columns = (dr.opaque(mi.UInt32, int(n)) for n in (rows, columns))
 
     def radiance(self, triangle: Any, inside: Any, active: Any) -> Any:

@@ -1,7 +1,7 @@
-"""The light on the markers, estimated at once: what checks and predictions use before radiosity has been solved.
+"""A fast estimate of the light on the markers, for checks and predictions before radiosity is solved.
 
-The lamps' own light is exact, shadows included. What the room's surfaces send back is taken to be the same everywhere,
-as in an integrating sphere of the room's area and mean reflectance; objects send nothing back.
+The lamps' direct light is exact, including shadows. Light reflected by the room is assumed uniform, as in an
+integrating sphere of the room's area and mean reflectance; objects reflect nothing.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from render.world.state import Panel, SceneState
 __all__ = ["estimated_appearance", "estimated_irradiance"]
 
 
-# A part of a panel is hidden whole or not at all, by its centre: so many parts along a side make soft shadows.
+# Each part of a panel is visible or hidden as a whole, by its centre: this many parts along a side make soft shadows.
 PARTS = 4
 
 
 def estimated_appearance(state: SceneState) -> Appearance:
-    """How the markers look in the estimated light."""
+    """The markers' appearance in the estimated light."""
     return appearance_of(state, state.print.white_albedo / np.pi * estimated_irradiance(state))
 
 
 def estimated_irradiance(state: SceneState) -> Floats:
-    """W/m² on the markers, (N,); under ring lights 1, as `render.light.radiosity.UnitLight` has it."""
+    """W/m² on the markers, (N,); under ring lights 1, as in `render.light.radiosity.UnitLight`."""
     if state.light.ring_w_per_sr > 0:
         return np.ones(len(state.markers))
     exitance = np.pi * state.light.radiance_w_per_m2_sr
@@ -46,13 +46,13 @@ def estimated_irradiance(state: SceneState) -> Floats:
 
 
 def _sent_back(state: SceneState, flux_w: float) -> float:
-    """W/m², of light that has been reflected once or more: Φ/A · ρ/(1 − ρ)."""
+    """W/m², of light that was reflected at least once: Φ/A · ρ/(1 − ρ)."""
     room = state.room
     floor = room.width_m * room.length_m
     walls = 2 * room.height_m * (room.width_m + room.length_m)
     area = 2 * floor + walls
     mean = (floor * (room.floor_albedo + room.ceiling_albedo) + walls * room.wall_albedo) / area
-    # A room that swallows nothing would grow brighter for ever.
+    # In a room without absorption the light would grow without bound.
     mean = min(mean, 0.99)
     return flux_w / area * mean / (1 - mean)
 

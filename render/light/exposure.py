@@ -1,4 +1,4 @@
-"""The exposure that a scene's light asks for: from how the markers look, and never from an image of them."""
+"""The exposure for a scene's light, from the markers' appearance and never from an image of them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pss.hints import Floats
 __all__ = ["AutoExposure", "ExposureChoice", "choose_exposure"]
 
 
-# An exposure is rounded down to so many digits: one that people can set and say.
+# Significant digits to which an exposure is rounded down.
 DIGITS = 2
 # Quotients such as 0.0034 / 1e-4 are off by less than this (relative).
 ROUNDING = 1e-9
@@ -25,11 +25,11 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class AutoExposure:
-    """What an exposure is to be chosen for.
+    """Target of the automatic exposure.
 
     Attributes:
-        share: of the saturation (0 to 1) that the white of the brightest marker is to reach. The rest is for what the
-            choice does not reckon with: shot noise, PRNU, and a plate that is brighter at its edge than in its middle.
+        share: share of the saturation (0 to 1) that the white of the brightest marker is to reach. The rest is a margin
+            for shot noise, PRNU, and plates that are brighter at the edge than in the middle.
         longest_ms: ms, upper limit: 20 is 1/50 s, half a frame's time at 25 frames per second.
     """
 
@@ -45,14 +45,14 @@ class AutoExposure:
 
 @dataclass(frozen=True)
 class ExposureChoice:
-    """An exposure and what it rests on.
+    """A chosen exposure and its basis.
 
     Attributes:
         exposure_ms: ms.
-        share: of the saturation (0 to 1), what the brightest marker reaches with it; 0 if none is in view.
+        share: share of the saturation (0 to 1) of the brightest marker; 0 if none is in view.
         point: number of that marker's point; −1 if there is none.
-        camera: the one that sees it so bright; None if there is none.
-        longest: whether the upper limit is what decided.
+        camera: the camera in which it is that bright; None if there is none.
+        longest: whether the upper limit applied.
     """
 
     exposure_ms: float
@@ -63,55 +63,56 @@ class ExposureChoice:
 
 
 def choose_exposure(
-    look: Appearance,
+    appearance: Appearance,
     points_m: ArrayLike,
     normals: ArrayLike,
     cameras: Iterable[PTZCamera],
     sensor: ImageSensor,
-    wish: AutoExposure,
+    target: AutoExposure,
 ) -> ExposureChoice:
-    """One exposure for all `cameras`, by which no white of a marker in view exceeds the share of saturation asked for.
+    """One exposure for all `cameras`: no white of a marker in view exceeds the requested share of saturation.
 
-    A marker is in view if a camera has its point in its frustum and faces it; what may hide it is not asked, so that a
-    hidden one can only make the exposure shorter. Dark current counts with the light, which is that on the axis: off
-    it, cos⁴ θ takes some away.
+    A marker is in view if its point is in a camera's frustum and it faces the camera. Occlusion is ignored, so that a
+    hidden marker can only shorten the exposure. Dark current counts with the light. The light is that on the axis; off
+    it, it is lower by cos⁴ θ.
 
     Args:
-        look: the markers' radiances, of N points.
+        appearance: the markers' radiances, of N points.
         points_m: m, (N, 3).
         normals: unit, (N, 3).
-        sensor: what it says of its exposure does not count.
+        sensor: its own exposure has no effect.
+        target: share of the saturation and longest exposure.
     """
     points, directions = np.asarray(points_m, dtype=float), np.asarray(normals, dtype=float)
     second = dataclasses.replace(sensor, exposure_ms=1000.0)
     brightest, point, seen_by = 0.0, -1, None
     for camera in dict.fromkeys(cameras):
-        rates = electrons_per_radiance(camera, second) * _radiance(look, points, directions, camera)
+        rates = electrons_per_radiance(camera, second) * _radiance(appearance, points, directions, camera)
         if rates.size and rates.max() > brightest:
             brightest, point, seen_by = float(rates.max()), int(rates.argmax()), camera
     if seen_by is None:
-        return ExposureChoice(wish.longest_ms, 0.0, -1, None, True)
+        return ExposureChoice(target.longest_ms, 0.0, -1, None, True)
     rate_e_per_ms = (brightest + sensor.dark_current_e_per_s) * 1e-3
-    wanted_ms = wish.share * sensor.saturation_e / rate_e_per_ms
-    longest = wanted_ms >= wish.longest_ms
-    exposure_ms = wish.longest_ms if longest else _rounded_down(wanted_ms)
+    unlimited_ms = target.share * sensor.saturation_e / rate_e_per_ms
+    longest = unlimited_ms >= target.longest_ms
+    exposure_ms = target.longest_ms if longest else _rounded_down(unlimited_ms)
     return ExposureChoice(exposure_ms, exposure_ms * rate_e_per_ms / sensor.saturation_e, point, seen_by, longest)
 
 
-def _radiance(look: Appearance, points_m: Floats, normals: Floats, camera: PTZCamera) -> Floats:
-    """W/(m² sr), the white of each marker as `camera` sees it, (N,); 0 for those that are not in view."""
-    white = np.broadcast_to(np.asarray(look.white_w_per_m2_sr, dtype=float), len(points_m))
+def _radiance(appearance: Appearance, points_m: Floats, normals: Floats, camera: PTZCamera) -> Floats:
+    """W/(m² sr), the white of each marker as `camera` sees it, (N,); 0 for those not in view."""
+    white = np.broadcast_to(np.asarray(appearance.white_w_per_m2_sr, dtype=float), len(points_m))
     radiance = np.zeros(len(points_m))
     rows = np.flatnonzero(camera.in_frustum(points_m))
     cosine = camera.cos_incidence(points_m[rows], normals[rows])
     rows, cosine = rows[cosine > 0], cosine[cosine > 0]
     radiance[rows] = white[rows]
-    if look.ring_light:
+    if appearance.ring_light:
         radiance[rows] *= cosine / camera.range_m(points_m[rows]) ** 2
     return radiance
 
 
 def _rounded_down(value: float) -> float:
     step = 10.0 ** (math.floor(math.log10(value)) - DIGITS + 1)
-    # By way of text, so that 3.4 is the number that 3.4 in a file is.
+    # Through text, so that the result equals the number 3.4 read from a file.
     return float(f"{math.floor(value / step * (1 + ROUNDING)) * step:.{DIGITS}g}")

@@ -1,8 +1,8 @@
-"""The lit scene for Mitsuba: every surface glows with what it reflects.
+"""The lit scene for Mitsuba: every surface emits the light that it reflects.
 
-All surfaces are diffuse, so that the radiance they send to a camera is known once the irradiance is: albedo·E/π. The
-scene is handed over as surfaces that emit just that. One ray then gives the exact radiance of what it hits, by
-any of Mitsuba's integrators and variants, and the only sampling noise left is that of pixel area and lens.
+All surfaces are diffuse, so that their radiance towards a camera follows from the irradiance: albedo·E/π. Mitsuba gets
+surfaces that emit this radiance. One ray then yields the exact radiance of the surface it hits, with any integrator and
+variant of Mitsuba, and the only sampling noise left is that of pixel area and lens.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ __all__ = ["GlowMeshes", "appearance", "appearance_of", "bake", "load_scene"]
 
 @dataclass(frozen=True, eq=False)
 class GlowMeshes:
-    """The baked scene in plain arrays, so that it can be stored and sent.
+    """The baked scene as arrays, for storage and transfer.
 
     Attributes:
         vertices_m, faces: surfaces, (V, 3) and (F, 3).
@@ -33,7 +33,7 @@ class GlowMeshes:
         plates_m: m, corners of the markers' plates (N, 4, 3): top left, top right, bottom right, bottom left.
         textures: W/(m² sr) of the plates, (N, T, T).
         marker_ids: (N,).
-        vertex_objects, plate_objects: numbers of the objects they belong to, (V,) and (N,); −1: the room's, or a lamp.
+        vertex_objects, plate_objects: numbers of their objects, (V,) and (N,); −1 for the room or a lamp.
     """
 
     vertices_m: Floats
@@ -47,7 +47,7 @@ class GlowMeshes:
 
 
 def bake(state: SceneState, light: Radiosity | UnitLight) -> GlowMeshes:
-    """Look the irradiance up on all surfaces and plates of `state`."""
+    """Look up the irradiance on all surfaces and plates of `state`."""
     vertices, faces, radiance, owners, count = [], [], [], [], 0
     for surface in [*surfaces(state), *lamps(state)]:
         points, _, triangles = surface.triangles()
@@ -63,7 +63,7 @@ def bake(state: SceneState, light: Radiosity | UnitLight) -> GlowMeshes:
         corners = plate_corners(marker, modules)
         corner_irradiance = light.irradiance(corners, np.tile(marker.normal, (4, 1)))
         plates.append(corners)
-        # Its back, for cameras that look past the ball at a plate that stands off: paper, lit by what gets behind it.
+        # The back, visible to cameras beside the ball if a plate stands off: paper, lit by the light behind it.
         back, behind = corners[::-1] - THICKNESS_M * np.array(marker.normal), -np.tile(marker.normal, (4, 1))
         vertices.append(back)
         faces.append(np.array([[0, 2, 1], [0, 3, 2]]) + count)
@@ -86,7 +86,7 @@ def bake(state: SceneState, light: Radiosity | UnitLight) -> GlowMeshes:
 
 
 def appearance(state: SceneState, meshes: GlowMeshes) -> Appearance:
-    """How the markers look, for the prediction: from the light on them alone, and not from any view.
+    """The markers' appearance for the prediction: from the light on them, not from any view.
 
     A plate's four corner texels are paper, so that their mean is the white at its centre.
     """
@@ -94,7 +94,7 @@ def appearance(state: SceneState, meshes: GlowMeshes) -> Appearance:
 
 
 def appearance_of(state: SceneState, white: Floats) -> Appearance:
-    """How markers look whose white has these radiances, W/(m² sr), (N,); under ring lights those at 1 W/m²."""
+    """Appearance of markers with these white radiances, W/(m² sr), (N,); under ring lights those at 1 W/m²."""
     if state.light.ring_w_per_sr > 0:  # baked at 1 W/m²; the ring makes I/D² at D = 1 m
         white = white * state.light.ring_w_per_sr
     return Appearance(
@@ -109,7 +109,7 @@ def appearance_of(state: SceneState, white: Floats) -> Appearance:
 
 
 def _marker_velocities(state: SceneState) -> Floats | None:
-    """m/s, (N, 3), of the markers at the middle of the exposure, as their objects carry them; None if none moves."""
+    """m/s, (N, 3), of the markers at the middle of the exposure, as their objects move; None if all are at rest."""
     motions = {item.shape.name: item.motion for item in state.objects}
     of_markers = [motions.get(marker.object_name) for marker in state.markers]
     if not any(of_markers):
@@ -133,8 +133,8 @@ def load_scene(meshes: GlowMeshes, mi: Any) -> Any:
     """Mitsuba's scene of `meshes`: the shape "surfaces", and "plates" if there are markers."""
     shapes: dict[str, Any] = {
         "type": "scene",
-        # Rays that slip through seams of triangles are traced anew where many are traced at once
-        # (`render.lens.sampling`, a fifth less time than this); one by one they are not.
+        # Rays through seams between triangles are traced again where many are traced at once (`render.lens.sampling`, a
+        # fifth less time than this); single rays are not.
         "embree_use_robust_intersections": mi.variant().startswith("scalar"),
         "integrator": {"type": "path", "max_depth": 1},
         "surfaces": _mesh(

@@ -1,7 +1,7 @@
-"""The patches that stand for the scene's surfaces in the exchange of light: finer where objects nearly touch.
+"""Patches of the scene's surfaces for the exchange of light: finer where objects nearly touch.
 
-A patch cannot shade what lies closer to it than its own size: it is hidden whole or not at all, by its centre. Where
-another object stands that close before it, it is split, down to a few centimetres.
+A patch cannot shade surfaces closer than its size, since it is hidden as a whole or not at all, by its centre. Where
+another object is that close, the patch is split, down to a few centimetres.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from pss import GeometryError, Sphere
 from pss.hints import Bools, Floats
 from pss.surrogates import Mesh, Shape, any_blocks
 from render.world.geometry import Surface, lamps, surfaces, tile_sphere
-from render.world.meshes import MOST_MESH_PATCHES, mesh_patches, patches_wanted, shares
+from render.world.meshes import MOST_MESH_PATCHES, mesh_patches, patches_needed, shares
 from render.world.state import SceneState
 
 __all__ = ["Patches", "scene_patches"]
@@ -24,15 +24,15 @@ PATCH_M = 0.5
 OBJECT_PATCH_M = 0.3
 LAMP_PATCH_M = 0.1
 FINEST_PATCH_M = 0.05
-# The form factors are a dense matrix: a large board close to a wall must not make thousands of small patches.
+# The form factors are a dense matrix: a large board close to a wall must not create thousands of small patches.
 MOST_SPLIT_PATCHES = 1000
-# A matrix of that many takes 2 GB: an empty hall of 40 × 40 m has as many.
+# The matrix for this many takes 2 GB; an empty hall of 40 × 40 m has as many.
 MOST_PATCHES = 16_000
 SPHERE_PATCH_SUBDIVISIONS = 2
 ROOM_SURFACES = ("floor", "ceiling", "walls")
-# What stands before a patch is looked for from just above it, so that the patch's own surface is not found.
+# Occluders are searched from just above a patch, so that its own surface is not found.
 LIFT_M = 1e-3
-# Where on a patch: its middle and near its corners, in units of its edges.
+# Sample positions on a patch: its middle and near its corners, in units of its edges.
 PLACES = np.array([(0.5, 0.5), (0.05, 0.05), (0.95, 0.05), (0.95, 0.95), (0.05, 0.95)])
 
 
@@ -42,9 +42,9 @@ class Patches:
 
     Attributes:
         corners_m: m, counter-clockwise from the bright side, (P, 4, 3); a triangle repeats its last corner.
-        centres_m: m, the points on the true surfaces by which they are seen, (P, 3).
-        albedo: (P,), averaged over what of a patch reflects: what lamps cover of the ceiling reflects nothing.
-        emitted: W/m² that they emit by themselves, (P,).
+        centres_m: m, the points on the true surfaces that represent them, (P, 3).
+        albedo: (P,), averaged over a patch; the parts of the ceiling covered by lamps reflect nothing.
+        emitted: W/m² of their own emission, (P,).
     """
 
     corners_m: Floats
@@ -67,7 +67,7 @@ def scene_patches(state: SceneState) -> Patches:
     """
     found = [*lamps(state), *surfaces(state)]
     meshes = [surface.shape for surface in found if isinstance(surface.shape, Mesh)]
-    most = shares([patches_wanted(mesh, OBJECT_PATCH_M) for mesh in meshes], MOST_MESH_PATCHES)
+    most = shares([patches_needed(mesh, OBJECT_PATCH_M) for mesh in meshes], MOST_MESH_PATCHES)
     of_meshes = iter([mesh_patches(mesh, OBJECT_PATCH_M, count) for mesh, count in zip(meshes, most, strict=True)])
     of_tiles = iter(_split_where_close(state, [surface for surface in found if isinstance(surface.shape, tuple)]))
     corners, centres, albedo, emitted = [], [], [], []
@@ -96,7 +96,7 @@ def _largest(surface: Surface) -> float:
 
 def _of_sphere(sphere: Sphere) -> tuple[Floats, Floats]:
     vertices, faces = tile_sphere(sphere, SPHERE_PATCH_SUBDIVISIONS)
-    # A triangle's own middle lies inside the ball, where the ball itself would hide it.
+    # A triangle's middle is inside the ball, which would occlude it.
     centre = np.array(sphere.centre_m)
     outwards = vertices[faces].mean(axis=1) - centre
     outwards *= sphere.radius_m / np.linalg.norm(outwards, axis=-1, keepdims=True)
@@ -104,9 +104,9 @@ def _of_sphere(sphere: Sphere) -> tuple[Floats, Floats]:
 
 
 def _split_where_close(state: SceneState, flat: list[Surface]) -> list[Floats]:
-    """The patches of each of `flat`, (P, 4, 3): in four, and again, as long as another object is closer than its size.
+    """The patches of each of `flat`, (P, 4, 3), quartered repeatedly while another object is closer than their size.
 
-    Coarse ones come first, and no further level is begun that would exceed `MOST_SPLIT_PATCHES`.
+    Coarse ones are split first, and no level is started that would exceed `MOST_SPLIT_PATCHES`.
     """
     shapes = [item.shape for item in state.objects]
     others = [tuple(shape for n, shape in enumerate(shapes) if n != s.object_number) for s in flat]
@@ -129,9 +129,9 @@ def _size(quads: Floats) -> Floats:
 
 
 def _faces_closely(quads: Floats, others: tuple[Shape, ...]) -> Bools:
-    """(P,), one of `others` stands before part of a patch closer than its size, and does not lie on all of it.
+    """(P,), whether one of `others` is in front of a part, not all, of a patch and closer than its size.
 
-    Patches of `FINEST_PATCH_M` or less are fine enough for any.
+    Patches of `FINEST_PATCH_M` or less are never split.
     """
     u, v = (quads[:, [1]] - quads[:, [0]]), (quads[:, [3]] - quads[:, [0]])
     places = quads[:, [0]] + PLACES[:, :1] * u + PLACES[:, 1:] * v
@@ -157,7 +157,7 @@ def _quarters(quads: Floats) -> Floats:
 
 
 def _covered_by_lamps(quads: Floats, state: SceneState) -> Floats:
-    """Share of each of the ceiling's patches (P, 4, 3), rectangles along x and y, that lamps hang under; (P,)."""
+    """Share of each of the ceiling's patches (P, 4, 3), rectangles along x and y, covered by lamps; (P,)."""
     low, high = quads[..., :2].min(axis=1), quads[..., :2].max(axis=1)
     covered = np.zeros(len(quads))
     for panel in state.light.panels:

@@ -1,9 +1,9 @@
 """Light in a diffuse room: irradiance by radiosity, solved once per scene state and then looked up by every view.
 
-Because no view samples the light again, shading and soft shadows put no noise into the images that the detector could
-mistake for its own. Lambert's formula gives the form factor from a point to a polygon exactly; what lies between them
-is asked of the same shapes that the metric asks. Approximations: a patch is hidden whole or not at all (by its centre);
-each patch has one radiosity; lamps hide nothing, for which the ceiling above them reflects nothing.
+Because views do not sample the light, shading and soft shadows add no noise to the images that a detector could mistake
+for sensor noise. Lambert's formula is exact for the form factor from a point to a polygon; occlusion is tested with the
+same shapes as in the metric. Approximations: a patch is hidden as a whole or not at all (by its centre); each patch has
+one radiosity; lamps occlude nothing, and in exchange the ceiling above them reflects nothing.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from render.world.traced_meshes import with_traced_meshes
 __all__ = ["Radiosity", "UnitLight", "form_factors", "solve_light", "solve_radiosity"]
 
 
-# Receivers are lifted off their surface, since a point in a polygon's own plane or corner has no solid angle.
+# Receivers are lifted off their surface, since from a point in its own plane or corner a polygon has no solid angle.
 LIFT_M = 1e-3
-# Some hundred thousand pairs of receiver and patch: what is computed of them fits the processor's cache, nearly.
+# A few hundred thousand pairs of receiver and patch, whose arrays nearly fit the processor's cache.
 RECEIVERS_AT_ONCE = 128
 
 
@@ -37,9 +37,9 @@ class Radiosity:
 
     Attributes:
         corners_m: m, the patches, (P, 4, 3); a triangle repeats its last corner.
-        centres_m: m, the points on the true surfaces by which the patches are seen, (P, 3).
+        centres_m: m, the points on the true surfaces that represent the patches, (P, 3).
         normals: unit normals of the patches, (P, 3).
-        radiosity: W/m² that leaves each patch, (P,).
+        radiosity: W/m² of each patch, (P,).
         occluders: the shapes that cast shadows.
     """
 
@@ -50,7 +50,7 @@ class Radiosity:
     occluders: tuple[Shape, ...]
 
     def irradiance(self, points_m: Floats, normals: Floats) -> Floats:
-        """W/m² that arrives at `points_m` (N, 3) on surfaces with unit `normals` (N, 3); shape (N,)."""
+        """W/m² at `points_m` (N, 3) on surfaces with unit `normals` (N, 3); shape (N,)."""
         patches = self.corners_m, self.centres_m, self.normals
 
         def arriving(part: slice) -> Floats:
@@ -61,7 +61,7 @@ class Radiosity:
 
 @dataclass(frozen=True)
 class UnitLight:
-    """One W/m² on every surface: under ring lights a view scales it by its own camera's light."""
+    """One W/m² on every surface: under ring lights each view scales it by its camera's light."""
 
     def irradiance(self, points_m: Floats, normals: Floats) -> Floats:
         """W/m² at `points_m` (N, 3): ones, (N,)."""
@@ -69,10 +69,10 @@ class UnitLight:
 
 
 def solve_light(state: SceneState, mi: Any | None = None) -> Radiosity | UnitLight:
-    """What irradiance is looked up from: the inter-reflection of the lamps' light, or ones under ring lights.
+    """The source of irradiance: the inter-reflection of the lamps' light, or ones under ring lights.
 
     Args:
-        mi: Mitsuba, to be asked what meshes hide; None asks the metric's own meshes, which takes much longer.
+        mi: Mitsuba, for occlusion by meshes; None uses the metric's own meshes, which is much slower.
     """
     return UnitLight() if state.light.ring_w_per_sr > 0 else solve_radiosity(state, mi)
 
@@ -92,7 +92,7 @@ def solve_radiosity(state: SceneState, mi: Any | None = None) -> Radiosity:
 
 
 def form_factors(points_m: Floats, normals: Floats, corners_m: Floats) -> Floats:
-    """Share of a Lambertian receiver's irradiance that a polygon could give, by Lambert's formula; (M,).
+    """Share of a Lambertian receiver's irradiance from a polygon without occlusion, by Lambert's formula; (M,).
 
     Args:
         points_m, normals: receivers, (M, 3) each.
@@ -105,7 +105,7 @@ def form_factors(points_m: Floats, normals: Floats, corners_m: Floats) -> Floats
 def _of_rays(starts: Floats, normals: Floats) -> Floats:
     """Form factors (M,) of quadrilaterals with corners (3, 4, M) from receivers at 0 with unit normals (3, M).
 
-    The components come first: three long arrays are quicker than many short vectors.
+    Components come first: three long arrays are faster than many short vectors.
     """
     heights = (starts * normals[:, None]).sum(axis=0)
     factors = _lambert(starts, np.roll(starts, -1, axis=1), normals)
@@ -122,13 +122,13 @@ def _lambert(starts: Floats, ends: Floats, normals: Floats) -> Floats:
     x, y, z = b * f - c * e, c * d - a * f, a * e - b * d
     sine = np.sqrt(x * x + y * y + z * z)
     angle = np.arctan2(sine, a * d + b * e + c * f)
-    # An edge without length, such as a repeated corner, has no angle and no direction: it adds nothing.
+    # An edge without length, such as a repeated corner, has no angle and no direction: it contributes nothing.
     along_normal = (x * normals[0] + y * normals[1] + z * normals[2]) / np.maximum(sine, 1e-300)
     return np.asarray(-(angle * along_normal).sum(axis=0) / (2 * np.pi))
 
 
 def _above_horizon(starts: Floats, ends: Floats, heights: Floats) -> tuple[Floats, Floats]:
-    """The edges (M, K + 1, 3) of what rises over the receiver's horizon of convex polygons with edges (M, K, 3)."""
+    """The edges (M, K + 1, 3) of the part above the receiver's horizon of convex polygons with edges (M, K, 3)."""
     following = np.roll(heights, -1, axis=1)
     sets, rises = (heights >= 0) & (following < 0), (heights < 0) & (following >= 0)
     share = heights / np.where(sets | rises, heights - following, 1.0)
@@ -150,7 +150,7 @@ def _seen_form_factors(
     patch_normals: Floats,
     occluders: tuple[Shape, ...],
 ) -> Floats:
-    """Form factors (N, P) from receivers (N, 3) to the patches that they see."""
+    """Form factors (N, P) from receivers (N, 3) to the patches visible to them."""
     receivers = points_m + LIFT_M * normals
     in_front_of_patch = receivers @ patch_normals.T > (corners_m[:, 0] * patch_normals).sum(axis=-1)
     highest_corner = np.einsum("ni,pki->npk", normals, corners_m).max(axis=-1)
@@ -166,7 +166,7 @@ def _seen_form_factors(
 
 
 def _in_parts(compute: Callable[[slice], Floats], count: int) -> Floats:
-    """What `compute` says of slices of `count` receivers, joined; in threads, since numpy lets others run meanwhile."""
+    """Joined results of `compute` for slices of `count` receivers; in threads, as numpy releases the GIL."""
     parts = [slice(start, start + RECEIVERS_AT_ONCE) for start in range(0, count, RECEIVERS_AT_ONCE)]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         return np.concatenate(list(pool.map(compute, parts)))

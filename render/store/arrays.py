@@ -1,4 +1,4 @@
-"""Arrays as they come out of a stored archive: no larger than the file, and those that belong there."""
+"""Arrays from a stored archive: no larger than the file, and with the expected names and shapes."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ __all__ = ["Arrays", "check_arrays", "read_arrays"]
 
 Arrays = dict[str, NDArray[np.generic]]
 
-# Of an archive, unpacked: the light of the largest scene takes a tenth of it.
+# Size of an unpacked archive: the light of the largest scene takes a tenth of it.
 MOST_BYTES = 2**30
 
 
 def check_arrays(arrays: Mapping[str, NDArray[np.generic]], shapes: Mapping[str, tuple[int | None, ...]]) -> None:
-    """That arrays have these names, these shapes (None: any length), and numbers in them.
+    """Check that arrays have these names, these shapes (None: any length), and numbers in them.
 
     Raises:
         ValueError: they do not; one line.
@@ -37,10 +37,10 @@ def check_arrays(arrays: Mapping[str, NDArray[np.generic]], shapes: Mapping[str,
 
 
 def read_arrays(path: Path) -> Arrays:
-    """The arrays of an archive, of which none is larger than what the archive holds of it.
+    """The arrays of an archive, none larger than its data in the archive.
 
     Raises:
-        OSError, ValueError and the rest of `DAMAGE`: it is none, or is damaged.
+        OSError, ValueError and the rest of `DAMAGE`: it is not an archive, or is damaged.
     """
     with zipfile.ZipFile(path) as archive:
         members = archive.infolist()
@@ -52,7 +52,7 @@ def read_arrays(path: Path) -> Arrays:
                 version = np.lib.format.read_magic(file)
                 reader = {1: np.lib.format.read_array_header_1_0, 2: np.lib.format.read_array_header_2_0}[version[0]]
                 shape, _, dtype = reader(file)
-                # numpy makes room for what the header says before it finds that there is less.
+                # numpy allocates the size in the header before it finds that there are fewer data.
                 if dtype.hasobject or math.prod(shape) * dtype.itemsize > member.file_size:
                     raise ValueError(f"{member.filename} does not hold {shape} of {dtype}")
     with np.load(path, allow_pickle=False) as archive:

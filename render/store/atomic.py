@@ -1,10 +1,10 @@
-"""Files that are whole or not there: written under a temporary name, flushed to the disk, and renamed.
+"""Atomic writes: files are written under a temporary name, flushed to the disk, and renamed.
 
-The rename is what others see. It comes after the file's bytes have reached the disk, and the folder is flushed after
-it, so that not even a power cut leaves half a file under its own name.
+Other processes see the file only after the rename. It comes after the file's bytes have reached the disk, and the
+folder is flushed after it, so that not even a power cut leaves a partial file under the final name.
 
-A process that is killed leaves its temporary file. The next run removes it: the writer holds a lock on it for as long
-as it lives, so that one without a lock, and not quite new, is nobody's.
+A process that is killed leaves its temporary file behind. The next run removes it: the writer holds a lock on it while
+it lives, so that a file without a lock, and not quite new, is abandoned.
 """
 
 from __future__ import annotations
@@ -37,18 +37,18 @@ __all__ = [
     "write_text",
 ]
 
-# What systems say when no more fits: on the disk, or in the user's share of it.
+# Errors when no more data fit: on the disk, or in the user's quota.
 FULL = {errno.ENOSPC, *({errno.EDQUOT} if hasattr(errno, "EDQUOT") else ())}
 
-# Temporary files begin so, and no file of a user's does.
+# Prefix of temporary files, which no file of a user has.
 UNFINISHED = ".unfinished-"
-# s: a temporary file without a lock that is so much older (or younger: a clock was set) than now is nobody's. One that
-# was made this moment may be about to be locked, and network drives whose locks do not reach other machines have time.
+# s: a temporary file without a lock is abandoned if it is older than this (or newer: a clock was set). A file just
+# created may be about to be locked, and network drives may not share their locks between machines.
 ABANDONED_S = 60.0
 
-# Temporary files that this process is writing, for whoever must stop it in the middle.
+# Temporary files that this process is writing, for their removal if it is stopped.
 _unfinished: set[Path] = set()
-# Folders that this process has looked through for those that others left.
+# Folders that this process has searched for abandoned files.
 _tidied: set[Path] = set()
 
 
@@ -60,11 +60,11 @@ class StoreError(PSSError, OSError):
 def atomic_path(
     path: Path, *, needed_bytes: int | None = None, before_rename: Callable[[Path], None] | None = None
 ) -> Iterator[Path]:
-    """A temporary path beside `path` that takes its name when the block ends well, and is removed if it does not.
+    """A temporary path beside `path` that is renamed to it when the block succeeds, and removed if it fails.
 
     Args:
-        needed_bytes: of the file, where known beforehand; said if the disk is full.
-        before_rename: is given the temporary path when its bytes are on the disk, and not yet under its own name.
+        needed_bytes: size of the file, if known beforehand; for the message if the disk is full.
+        before_rename: called with the temporary path when its bytes are on the disk, before it is renamed.
 
     Raises:
         StoreError: the folder cannot be written, the disk is full, or a folder has the file's name.
@@ -79,7 +79,7 @@ def atomic_path(
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=UNFINISHED, suffix=path.suffix)
     except OSError as error:
         if error.errno in FULL:
-            raise disk_full(path, _said(needed_bytes)) from error
+            raise disk_full(path, _size_text(needed_bytes)) from error
         raise StoreError(f"{path.parent}: {error.strerror}; allowed is a folder that can be written") from error
     temporary = Path(name)
     _unfinished.add(temporary)
@@ -97,7 +97,7 @@ def atomic_path(
     except OSError as error:
         if error.errno in FULL:
             written = temporary.stat().st_size if temporary.exists() else 0
-            raise disk_full(path, _said(needed_bytes, written), written) from error
+            raise disk_full(path, _size_text(needed_bytes, written), written) from error
         raise
     finally:
         if handle >= 0:
@@ -107,12 +107,12 @@ def atomic_path(
 
 
 def disk_full(path: Path, needs_bytes: str, written_bytes: int = 0) -> StoreError:
-    """The error that says which file did not fit, how large it is and how much room there is.
+    """The error for a file that did not fit, with its size and the free space.
 
     Args:
-        path: what did not fit.
-        needs_bytes: of the file, as it is said: a number, "more than" or "up to" one.
-        written_bytes: of the temporary file, which is about to be removed and counts as free.
+        path: the file that did not fit.
+        needs_bytes: size of the file as text: a number, with "more than" or "up to" if it is a bound.
+        written_bytes: size of the temporary file, which is about to be removed and counts as free.
     """
     return StoreError(
         f"{path}: the disk is full; the file needs {needs_bytes} bytes, {free_bytes(path) + written_bytes:,} are free; "
@@ -121,19 +121,19 @@ def disk_full(path: Path, needs_bytes: str, written_bytes: int = 0) -> StoreErro
 
 
 def free_bytes(path: Path) -> int:
-    """Room on the disk of a path, which need not exist."""
+    """Free bytes on the disk of a path, which need not exist."""
     existing = next(parent for parent in path.absolute().parents if parent.exists())
     return shutil.disk_usage(existing).free
 
 
 def discard_unfinished() -> None:
-    """Remove the files that this process has begun and not finished, before it ends without unwinding."""
+    """Remove the unfinished files of this process, before it ends without unwinding."""
     for temporary in list(_unfinished):
         temporary.unlink(missing_ok=True)
 
 
 def remove_abandoned(folders: Iterable[Path]) -> None:
-    """Remove temporary files of processes that were killed from folders, but not from those below them."""
+    """Remove temporary files of killed processes from folders, but not from their subfolders."""
     if fcntl is None:
         return  # without locks, `run_sweep.py store prune` removes those that are a day old
     for path in (path for folder in folders for path in folder.glob(f"{UNFINISHED}*")):
@@ -149,7 +149,7 @@ def remove_abandoned(folders: Iterable[Path]) -> None:
 
 
 def _locked(handle: int) -> bool:
-    """Lock an open file until it is closed or this process ends; False where another has it, or there are no locks."""
+    """Lock an open file until it is closed; False if another process has the lock, or without locks."""
     if fcntl is None:
         return False
     try:
@@ -178,10 +178,10 @@ def flush(path: Path) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file whole or not at all."""
+    """Write a text file completely or not at all."""
     with atomic_path(path, needed_bytes=len(text.encode())) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 
-def _said(needed_bytes: int | None, written_bytes: int = 0) -> str:
+def _size_text(needed_bytes: int | None, written_bytes: int = 0) -> str:
     return f"more than {written_bytes:,}" if needed_bytes is None else f"{needed_bytes:,}"

@@ -1,18 +1,18 @@
 """Checksums beside files: `<name>.sum` has a line for every content that was written under the name.
 
-A line is a JSON object (bytes, SHA-256, time of change, and what the writer says of the content) and a checksum of its
-own. SHA-256 since processors have instructions for it: a view of 10 MB takes 12 ms, eight times less than BLAKE2b.
+A line is a JSON object (size, SHA-256, time of change, and the writer's facts about the content) with its own checksum.
+SHA-256 because processors have instructions for it: a view of 10 MB takes 12 ms, an eighth of BLAKE2b's time.
 
-**The sum comes first, the file after it.** A sum that is written after its file leaves a moment in which a file is
-there without a sum, or with that of another process which wrote the same name: two renders of one view need not be the
-same to the last bit. Lines are only ever added, so that each of two such writers finds its own, whichever file comes
-last. A file is good if any line fits it. So a file without sums is not an unfinished one but one of an older version;
-see `render.store.folder`.
+**The sum is written before the file.** If it were written after it, there would be a moment with a file without a sum,
+or with that of another process which wrote the same name: two renders of one view need not be equal to the last bit.
+Lines are only ever appended, so that each of two such writers finds its own, whichever file comes last. A file is valid
+if any line matches it. A file without sums is therefore not an unfinished one but one of an older version; see
+`render.store.folder`.
 
-**What a file says of itself lies in its sum** (a view's certificate), so that nobody opens a large image, or hashes it,
-for three numbers: the line is trusted by its own checksum, if size and time of change are those of the file. The time
-is compared for equality alone, so that clocks do not matter; where it differs (a copy, a backup), the file is hashed.
-Pixels and arrays are never used on the strength of a time: whoever reads them hashes them.
+**A file's facts are stored in its sum** (a view's certificate), so that a large image need not be opened or hashed for
+three numbers: the line is trusted by its own checksum if size and time of change are those of the file. The time is
+compared for equality only, so that clocks do not matter; if it differs (a copy, a backup), the file is hashed. Pixels
+and arrays are never trusted because of a time: they are hashed before each use.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ from render.store.atomic import flush
 __all__ = ["SUFFIX", "FileSum", "add_sum", "read_sums", "sum_of", "sum_path"]
 
 SUFFIX = ".sum"
-# Hexadecimal digits of a line's own checksum: a chance hit in 2⁶⁴ is none.
+# Hexadecimal digits of a line's own checksum: one accidental match in 2⁶⁴.
 LINE_DIGITS = 16
-# Kinds of the facts that this project's code reads; a line with others is no whole one.
+# Types of the facts that this project's code reads; a line with others is invalid.
 FACTS = {
     "version": str,
     "seconds": (int, float),
@@ -48,7 +48,7 @@ FACTS = {
 
 @dataclass(frozen=True)
 class FileSum:
-    """What a file's content is: its size, its SHA-256 (hexadecimal), and its facts, which are the writer's.
+    """A file's content: its size, its SHA-256 (hexadecimal), and the writer's facts about it.
 
     `changed_ns` is the file system's time of change in ns when the content was written or last hashed.
     """
@@ -67,7 +67,7 @@ class FileSum:
 
     @classmethod
     def from_line(cls, line: str) -> FileSum | None:
-        """A line read back; None where it is not whole."""
+        """A line read back; None if it is invalid."""
         content, _, checksum = line.rpartition(" ")
         if checksum != _line_checksum(content):
             return None
@@ -75,10 +75,10 @@ class FileSum:
 
     @classmethod
     def _from_json(cls, content: str) -> FileSum | None:
-        """None where it is not what `to_line` writes, though its checksum fits: other keys or kinds of values."""
+        """None if it is not the output of `to_line` although its checksum matches: other keys or types of values."""
         try:
-            said = json.loads(content)
-            found = cls(said["bytes"], said["sha256"], said["changed_ns"], said["facts"])
+            data = json.loads(content)
+            found = cls(data["bytes"], data["sha256"], data["changed_ns"], data["facts"])
         except (ValueError, KeyError, TypeError, RecursionError):
             return None
         whole = all(type(value) is int for value in (found.size_bytes, found.changed_ns))
@@ -88,26 +88,26 @@ class FileSum:
         return found if fits else None
 
     def same_content(self, other: FileSum) -> bool:
-        """Whether both are of the same bytes."""
+        """Whether both have the same bytes."""
         return (self.size_bytes, self.sha256) == (other.size_bytes, other.sha256)
 
 
 def sum_path(path: Path) -> Path:
-    """Where the sums of a file lie."""
+    """Path of a file's sums."""
     return path.with_name(path.name + SUFFIX)
 
 
 def sum_of(path: Path, facts: dict[str, Any] | None = None) -> FileSum:
-    """Hash a file as it is now."""
+    """Hash a file's current content."""
     with open_plain(path) as file:
-        # The open file's own, should the name be another's by now.
+        # The status of the open file, in case the name was replaced.
         status = os.fstat(file.fileno())
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     return FileSum(status.st_size, digest, status.st_mtime_ns, facts or {})
 
 
 def read_sums(path: Path) -> list[FileSum] | None:
-    """The whole lines of a file's sums, oldest first; None where it has none, [] where no line is whole."""
+    """The valid lines of a file's sums, oldest first; None without sums, [] without valid lines."""
     try:
         with open_plain(sum_path(path)) as file:
             text = file.read().decode("utf-8", errors="replace")
@@ -119,17 +119,17 @@ def read_sums(path: Path) -> list[FileSum] | None:
 
 
 def add_sum(path: Path, added: FileSum) -> None:
-    """Add a line to the sums of `path` and flush it; other processes may do the same at the same time."""
+    """Append a line to the sums of `path` and flush it; other processes may do the same concurrently."""
     target = sum_path(path)
     target.parent.mkdir(parents=True, exist_ok=True)
     handle = os.open(target, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
     try:
-        # One call adds the whole line. Behind a line that a full disk cut off, it begins on a new one.
+        # One call appends the whole line. After a line truncated by a full disk, it begins on a new one.
         size = os.fstat(handle).st_size
         cut = size > 0 and _last_byte(target) != b"\n"
         line = ("\n" if cut else "") + added.to_line() + "\n"
         data = line.encode()
-        while data:  # a disk that is nearly full takes a part, and refuses the rest
+        while data:  # a disk that is nearly full writes a part, and refuses the rest
             data = data[os.write(handle, data) :]
         os.fsync(handle)
     finally:

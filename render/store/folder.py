@@ -1,12 +1,12 @@
-"""Where views, solved light and measurements lie, found by the hash of all that determines them.
+"""The store's folder of views, solved light and measurements, each under the hash of everything that determines it.
 
-A file is written under a temporary name, flushed and renamed: what is there is whole. Several runs share one store.
-Disks and other programs still damage files, so each has its checksum in a file beside it (`render.store.checksums`),
-and nothing is read that was not checked. What does not fit its checksum is moved to `damaged/`, never deleted, with one
-line of warning, and counts as missing: whoever wanted it makes it again.
+A file is written under a temporary name, flushed and renamed, so that every file is complete. Several runs can share
+one store. Disks and other programs may still damage files, so that each has its checksum in a file beside it
+(`render.store.checksums`), which is verified before use. A file that does not match is moved to `damaged/`, never
+deleted, with one line of warning, and counts as missing: it is computed again on request.
 
-A file without any sum is one of an older version. It is read whole once, and given a sum if that succeeds: an old store
-goes on working without rendering again.
+A file without any sum is one of an older version. It is read completely once, and given a sum if that succeeds: old
+stores stay usable without rendering again.
 
 `docs/store.md` is the page for users.
 """
@@ -35,22 +35,22 @@ __all__ = ["DAMAGED", "Store", "StoreError", "atomic_path", "discard_unfinished"
 
 T = TypeVar("T")
 
-# Folder in a store for what is set aside.
+# Subfolder for damaged files.
 DAMAGED = "damaged"
-# Times that a file may change under a reader's eyes, by other processes that write the same name.
+# How often a file may change while it is read, by other processes that write the same name.
 MOST_CHANGES = 20
 
 _log = logging.getLogger(__name__)
-# Folders whose older files this process has said that it gives sums.
+# Folders for which this process has reported that it adds sums to older files.
 _adopting: set[Path] = set()
 
 
 @dataclass(frozen=True)
 class Store:
-    """A folder of views (EXR), solved light and measurements (NPZ), and the interface of stores that lie elsewhere.
+    """A folder of views (EXR), solved light and measurements (NPZ); the base class of remote stores.
 
-    Paths are those of files on this machine. A store that lies elsewhere (`render.store.remote`) keeps what programs
-    need here, in `folder`, and has its own `has`, `fetch` and `push`; for a folder these have nothing to do.
+    Paths are those of files on this machine. A remote store (`render.store.remote`) uses `folder` as a local copy, and
+    overrides `has`, `fetch` and `push`; for a local folder these have no effect.
     """
 
     folder: Path
@@ -75,15 +75,15 @@ class Store:
         return os.access(existing, os.W_OK)
 
     def has(self, path: Path) -> bool:
-        """Whether there is a file for one of the store's paths; it is not checked."""
+        """Whether the store has a file for one of its paths; it is not verified."""
         return path.exists()
 
     def fetch(self, path: Path) -> bool:
-        """Get the file of one of the store's paths to that path; False where the store has none."""
+        """Get the file of one of the store's paths to that path; False if the store has none."""
         return path.exists()
 
     def push(self, path: Path) -> None:
-        """Hand on a file that was written at one of the store's paths, by this process or a worker."""
+        """Upload a file that was written at one of the store's paths, by this process or a worker."""
 
     def write(
         self,
@@ -95,8 +95,8 @@ class Store:
         """Write a file by `write(temporary path)`, with its sum.
 
         Args:
-            facts: what the sum says of the content; must go into JSON.
-            needed_bytes: of the file, where known beforehand.
+            facts: facts about the content for its sum; must be JSON-serialisable.
+            needed_bytes: size of the file, if known beforehand.
 
         Raises:
             StoreError: the store cannot be written, or the disk is full.
@@ -114,11 +114,11 @@ class Store:
     def read(
         self, path: Path, reader: Callable[[Path], T], facts_of: Callable[[T], dict[str, Any]] = lambda value: {}
     ) -> T | None:
-        """What `reader` makes of a file that was checked; None where there is none, or none that is whole.
+        """Result of `reader` on a verified file; None if it is missing or damaged.
 
         Args:
-            reader: reads all of the file, and raises an exception if it is not one of its kind.
-            facts_of: what the sum of an older file is to say of the value.
+            reader: reads all of the file, and raises an exception if it is not of its kind.
+            facts_of: function from the result to the facts for the sum of an older file.
 
         Raises:
             StoreError: a damaged file cannot be set aside.
@@ -134,22 +134,22 @@ class Store:
                 raise
             except PermissionError as error:
                 raise StoreError(f"{path}: {error.strerror}; allowed is a file that can be read") from error
-            except Exception as error:  # whatever a reader makes of damaged bytes
+            except Exception as error:  # readers raise anything on damaged bytes
                 why, value = f"{type(error).__name__}: {error}".replace(f"{path}: ", ""), None
             if _identity(path) != before:
-                continue  # replaced meanwhile
+                continue  # replaced in the meantime
             if why or value is None:
                 self._set_aside(path, before, why or "nothing in it")
-                continue  # a store elsewhere may have it whole
+                continue  # a remote store may have an intact one
             if sums is None:
                 self._adopt(path, dataclasses.replace(now, facts=facts_of(value)))
             return value
         raise StoreError(f"{path}: changed {MOST_CHANGES} times while it was read; allowed is a file that stays")
 
     def facts(self, path: Path) -> dict[str, Any] | None:
-        """What a file's sum says of it, without reading the file where size and time of change are the sum's.
+        """A file's facts from its sum, without reading the file if size and time of change match the sum.
 
-        None where there is no file, no whole one, or one of an older version, which `read` gives a sum.
+        None if the file is missing, damaged, or of an older version, to which `read` adds a sum.
 
         Raises:
             StoreError: as `read`.
@@ -175,19 +175,19 @@ class Store:
         raise StoreError(f"{path}: changed {MOST_CHANGES} times while it was read; allowed is a file that stays")
 
     def save(self, path: Path, arrays: Arrays, version: str = "", facts: dict[str, Any] | None = None) -> None:
-        """Write arrays to one of the store's paths; `version` names what made them, `facts` are as of `write`."""
+        """Write arrays to one of the store's paths; `version` is the digest of their code, `facts` as in `write`."""
         buffer = io.BytesIO()
         np.savez_compressed(buffer, **arrays)
         data = buffer.getvalue()
-        said = ({"version": version} if version else {}) | (facts or {})
-        self.write(path, lambda temporary: _write_bytes(temporary, data), said, len(data))
+        all_facts = ({"version": version} if version else {}) | (facts or {})
+        self.write(path, lambda temporary: _write_bytes(temporary, data), all_facts, len(data))
 
     def load(self, path: Path, check: Callable[[Arrays], object] = lambda arrays: None) -> Arrays | None:
-        """The arrays of one of the store's paths; None where there is nothing (or nothing whole).
+        """The arrays of one of the store's paths; None if they are missing or damaged.
 
         Args:
-            check: raises an exception where the arrays are not those that belong at this path: then the file is set
-                aside, as other damage is.
+            check: raises an exception if the arrays do not belong at this path: the file is then set aside like a
+                damaged one.
         """
 
         def read(path: Path) -> Arrays:
@@ -211,13 +211,13 @@ class Store:
             return None
         identity = _identity(path)
         if identity is not None and not path.is_file():
-            # A pipe or a device, which reading might never end, or a folder.
+            # A pipe or a device, whose reading might never end, or a folder.
             self._set_aside(path, identity, "it is no plain file")
             return _identity(path) if path.is_file() else None
         return identity
 
     def _set_aside(self, path: Path, identity: tuple[int, int, int], why: str, with_sums: bool = False) -> None:
-        """Move a damaged file to `damaged/`, if it is still the one that was looked at, and say so."""
+        """Move a damaged file to `damaged/`, if it is still the inspected one, and report it."""
         target = _free_name(self.folder / DAMAGED / path.relative_to(self.folder))
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
@@ -225,7 +225,7 @@ class Store:
                 return
             path.rename(target)
             if _identity(target) != identity:
-                # Another process made it anew in this very moment: a whole file goes back to its name.
+                # Another process has just replaced it: an intact file gets its name back.
                 target.replace(path)
                 return
             if with_sums or read_sums(path) == []:
@@ -239,7 +239,7 @@ class Store:
         _log.warning("%s: %s; set aside as %s", path, why, target)
 
     def _set_sum_aside(self, path: Path) -> None:
-        """Move what has the name of a sum and is no plain file out of the way."""
+        """Move aside something with the name of a sum that is not a plain file."""
         odd = sum_path(path)
         target = _free_name(self.folder / DAMAGED / odd.relative_to(self.folder))
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -247,7 +247,7 @@ class Store:
         _log.warning("%s: it is no plain file; set aside as %s", odd, target)
 
     def _adopt(self, path: Path, found: FileSum, older: bool = True) -> None:
-        # A store that cannot be written is as good without: its files are read whole each time.
+        # In a read-only store this fails without harm: its files are read completely each time.
         with contextlib.suppress(OSError):
             add_sum(path, dataclasses.replace(found, facts=found.facts | {"adopted": True}) if older else found)
             if older and self.folder not in _adopting:
@@ -256,7 +256,7 @@ class Store:
 
 
 def _misfit(now: FileSum | None, sums: list[FileSum] | None) -> str:
-    """Why a file does not fit its sums; "" where it does, or where it is an older one without."""
+    """Why a file does not match its sums; "" if it does, or if it is an older one without sums."""
     if sums is None:
         return ""
     if not sums:
@@ -271,7 +271,7 @@ def _misfit(now: FileSum | None, sums: list[FileSum] | None) -> str:
 
 
 def _identity(path: Path) -> tuple[int, int, int] | None:
-    """Inode, size in bytes, and time of change in ns; None where there is no file."""
+    """Inode, size in bytes, and time of change in ns; None if there is no file."""
     try:
         status = path.stat()
     except (FileNotFoundError, NotADirectoryError):
@@ -287,7 +287,7 @@ def _sum_or_none(path: Path) -> FileSum | None:
 
 
 def _free_name(path: Path) -> Path:
-    """`path`, or the first with a number before its suffix that nothing has."""
+    """`path`, or with the first free number before its suffix."""
     number, free = 0, path
     while free.exists():
         number += 1

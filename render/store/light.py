@@ -1,4 +1,4 @@
-"""Solved light in a store, which is checked to be that of the scene state it is read for; solved where missing."""
+"""Solved light in a store, verified to belong to its scene state; solved if missing."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["baked", "load_light", "save_light"]
 
 
 def load_light(store: Store, key: str, state: SceneState) -> GlowMeshes | None:
-    """The lit scene that is stored under a key; None where there is none, or none that is whole.
+    """The lit scene stored under a key; None if it is missing or damaged.
 
     Raises:
         StoreError: a damaged file cannot be set aside.
@@ -29,7 +29,7 @@ def load_light(store: Store, key: str, state: SceneState) -> GlowMeshes | None:
 
 
 def save_light(store: Store, key: str, meshes: GlowMeshes, code: str, seconds: float) -> None:
-    """Store a lit scene, with the digest of the code that solved it and the s that it took.
+    """Store a lit scene, with the digest of the code that solved it and the seconds it took.
 
     Raises:
         StoreError: the store cannot be written, or the disk is full.
@@ -47,8 +47,8 @@ def baked(
     """The lit scene of a state, from the store, or solved now and stored.
 
     Args:
-        chosen: the backend whose rays find what is hidden where meshes stand in the way; None without meshes.
-        solved: is called with the state's hash and the seconds that it took, if the light had to be solved.
+        chosen: the backend that traces rays for occlusion by meshes; None without meshes.
+        solved: called with the state's hash and the seconds it took, if the light had to be solved.
 
     Raises:
         StoreError: the light is missing from a store that cannot be written.
@@ -69,7 +69,7 @@ def baked(
 
 
 def _check(arrays: Arrays, state: SceneState) -> None:
-    """That arrays are those of `GlowMeshes`, and of the markers of `state`.
+    """Check that arrays are those of `GlowMeshes`, with the markers of `state`.
 
     Raises:
         ValueError: they are not; one line.

@@ -1,9 +1,9 @@
-"""Two runs over one store do not render the same view: each takes a view for itself while it renders it.
+"""Reservation of views, so that two runs over one store do not render the same view.
 
-Runs that begin together want the same views in the same order, and would render each twice, side by side. So a view is
-reserved by a lock on one byte of the store's file `reservations`, the byte that its name hashes to. A lock ends with
-its process, however that ends, and leaves nothing to clear away. Where the file system has no locks, each run renders
-what it does not find.
+Runs that start together need the same views in the same order, and would render each of them twice. Therefore a view is
+reserved by a lock on one byte of the store's file `reservations`, at the hash of its name. A lock ends with its
+process, however that ends, and needs no clean-up. If the file system has no locks, each run renders what it does not
+find.
 """
 
 from __future__ import annotations
@@ -26,26 +26,26 @@ __all__ = ["RESERVATIONS", "in_turn"]
 
 T = TypeVar("T")
 
-# File in a store's folder, beside `views` and the others; always empty.
+# File in a store's folder; always empty.
 RESERVATIONS = "reservations"
-# Between two attempts at what another process has: short beside the seconds that a view takes.
+# Seconds between two attempts at a lock of another process: short compared with rendering a view.
 ATTEMPTS_EVERY_S = 0.2
-# A view takes seconds, and solving light before it minutes at most: a process that has one for longer is held up.
+# A view takes seconds, and solving its light minutes at most: a process with a longer reservation is stuck.
 LONGEST_WAIT_S = 600.0
-# Bytes of the name's hash that say which byte is locked: two views of 10^4 share one once in 10^6 stores.
+# Range of the name's hash that selects the byte: two of 10^4 views share one in one of 10^6 stores.
 PLACE_BYTES = 6
-# What the system says when another process has the lock.
+# Errors when another process has the lock.
 TAKEN = {errno.EACCES, errno.EAGAIN}
 
 
 def in_turn(items: Iterable[T], name_of: Callable[[T], str], folder: Path) -> Iterator[T]:
-    """All items in their order, each reserved until the next is asked for; those that another process has come last.
+    """All items in their order, each reserved until the next is taken; those reserved by other processes come last.
 
-    Whoever gets an item looks into the store again, where the other process may have put what is wanted.
+    The caller searches the store again for each item, since another process may have stored it in the meantime.
 
     Args:
-        name_of: what is reserved of an item.
-        folder: of the store.
+        name_of: function from an item to the name to reserve.
+        folder: the store's.
     """
     with contextlib.ExitStack() as stack:
         try:
@@ -53,7 +53,7 @@ def in_turn(items: Iterable[T], name_of: Callable[[T], str], folder: Path) -> It
                 raise OSError
             folder.mkdir(parents=True, exist_ok=True)
             handle = os.open(folder / RESERVATIONS, os.O_RDWR | os.O_CREAT, 0o644)
-        except OSError:  # no locks here, or a store that cannot be written
+        except OSError:  # no locks here, or a read-only store
             yield from items
             return
         stack.callback(os.close, handle)
@@ -80,7 +80,7 @@ def in_turn(items: Iterable[T], name_of: Callable[[T], str], folder: Path) -> It
 
 
 def _reserve(handle: int, place: int) -> bool:
-    """Whether the byte is this process's now, or cannot be anybody's."""
+    """Whether the byte is now locked by this process, or locks are not available."""
     try:
         fcntl.lockf(handle, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, place)
     except OSError as error:

@@ -1,11 +1,11 @@
-"""A store that lies elsewhere, at any address that fsspec knows (`s3://…`, `gs://…`, `sftp://…`, `file://…`).
+"""A remote store, at any address supported by fsspec (`s3://…`, `gs://…`, `sftp://…`, `file://…`).
 
-Programs need files, so each is fetched to a folder on this machine before it is read, and handed on after it was
-written. That folder is a whole store of its own: measuring processes work on it alone, and know nothing of the rest.
+Programs need local files, so that each is downloaded to a folder on this machine before it is read, and uploaded after
+it was written. That folder is a complete store: worker processes use it alone, without the remote one.
 
-Elsewhere nothing can be added to a file, so that a content's sum has a file of its own, `<name>.<SHA-256 begins>.sum`,
-written before the content: two machines that write one name do not overwrite each other's sum. `<name>.sum` is
-looked for as well, for a store that was copied there as it is.
+Remote files cannot be appended to, so that each content's sum has its own file, `<name>.<start of SHA-256>.sum`,
+written before the content: two machines that write one name do not overwrite each other's sum. `<name>.sum` is read as
+well, for a store that was copied there as it is.
 """
 
 from __future__ import annotations
@@ -29,28 +29,28 @@ from render.store.folder import DAMAGED, Store, StoreError, atomic_path
 
 __all__ = ["RemoteStore", "is_address", "open_store"]
 
-# Where the folders of stores that lie elsewhere are on this machine, unless the environment says so.
+# Local folders of remote stores, unless the environment variable sets another.
 CACHES = Path("results/remote-stores")
 CACHE_VARIABLE = "PSS_STORE_CACHE"
 # Digits of a content's SHA-256 in the name of its sum.
 NAME_DIGITS = 16
-# Downloads of a file, before it is the file's fault that it does not fit its sum.
+# Number of downloads before a mismatch with the sum is attributed to the file.
 DOWNLOADS = 2
 
 _log = logging.getLogger(__name__)
 
 
 def is_address(store: str | Path) -> bool:
-    """Whether a store is named by an address, and not by a folder."""
+    """Whether a store is given as an address, not as a folder."""
     return re.match(r"[A-Za-z][A-Za-z0-9+.-]*(::|://)", str(store)) is not None
 
 
 def open_store(store: str | Path) -> Store:
-    """The store in a folder, or at an address that fsspec knows.
+    """The store in a folder, or at an address supported by fsspec.
 
     Raises:
-        MissingLibraryError: an address was given, and fsspec, or what it needs for this kind of address, is missing.
-        StoreError: the address is not one that fsspec can use.
+        MissingLibraryError: fsspec, or the library it needs for this kind of address, is not installed.
+        StoreError: fsspec cannot use the address.
     """
     if not is_address(store):
         return Store(Path(store))
@@ -65,22 +65,22 @@ def open_store(store: str | Path) -> Store:
         files, root = fsspec.core.url_to_fs(address)
     except ImportError as error:
         raise MissingLibraryError(f"--store {address}: {error}") from error
-    except Exception as error:  # each kind of address has its own
+    except Exception as error:  # the exceptions depend on the kind of address
         raise StoreError(f"--store {address}: {error}; allowed is a folder, or an address that fsspec knows") from error
     name = re.sub(r"[^A-Za-z0-9.-]+", "-", address).strip("-")[-60:]
-    # The name is for people; the hash keeps addresses apart.
+    # The name is for readability; the hash keeps addresses apart.
     folder = f"{name}-{hashlib.sha256(address.encode()).hexdigest()[:8]}"
     return RemoteStore(Path(os.environ.get(CACHE_VARIABLE) or CACHES) / folder, files, root.rstrip("/"), address)
 
 
 @dataclass(frozen=True)
 class RemoteStore(Store):
-    """A store at an address; `folder` holds what is used of it on this machine.
+    """A store at an address; `folder` is its local copy.
 
     Attributes:
         files: fsspec's file system.
         root: path in it.
-        address: as the user gave it.
+        address: as given by the user.
     """
 
     files: Any
@@ -88,14 +88,14 @@ class RemoteStore(Store):
     address: str
 
     def has(self, path: Path) -> bool:
-        """Whether there is a file for one of the store's paths, here or elsewhere; it is not checked."""
+        """Whether there is a file for one of the store's paths, local or remote; it is not verified."""
         if path.exists():
             return True
         with self._reached():
             return bool(self.files.exists(self._there(path)))
 
     def fetch(self, path: Path) -> bool:
-        """Get the file of one of the store's paths to that path, checked; False where the store has none."""
+        """Get the file of one of the store's paths to that path, verified; False if the store has none."""
         if path.exists():
             return True
         there, why = self._there(path), ""
@@ -114,7 +114,7 @@ class RemoteStore(Store):
         return False
 
     def push(self, path: Path) -> None:
-        """Hand on a file that was written at one of the store's paths, unless the store has one by now."""
+        """Upload a file that was written at one of the store's paths, unless the store has one by now."""
         there = self._there(path)
         now = sum_of(path)
         known = next((known for known in read_sums(path) or [] if known.same_content(now)), now)
@@ -126,7 +126,7 @@ class RemoteStore(Store):
                 return
             self.files.makedirs(folder, exist_ok=True)
             self.files.pipe_file(f"{there}.{now.sha256[:NAME_DIGITS]}{SUFFIX}", f"{known.to_line()}\n".encode())
-            # Not every kind of address shows a file only when it is whole.
+            # Some kinds of address show incomplete files.
             self.files.put_file(str(path), temporary)
             self.files.mv(temporary, there)
 
@@ -141,17 +141,17 @@ class RemoteStore(Store):
         return f"{self.root}/{path.relative_to(self.folder).as_posix()}"
 
     def _check(self, path: Path, temporary: Path) -> None:
-        """Give a fetched file its sum on this machine, or say why it does not fit the one elsewhere."""
+        """Store the sum of a downloaded file locally, or raise why it does not match the remote sum."""
         now, sums = sum_of(temporary), self._sums(self._there(path))
         if sums is None:
-            return  # of an older version: checked by being read
+            return  # of an older version: verified by reading it
         known = next((known for known in sums if known.same_content(now)), None)
         if known is None:
             raise _MisfitError("its bytes are not those that were written" if sums else "its checksum is damaged")
         add_sum(path, dataclasses.replace(now, facts=known.facts))
 
     def _sums(self, there: str) -> list[FileSum] | None:
-        """The whole sums of a file elsewhere; None where it has none."""
+        """The valid sums of a remote file; None without any."""
         with self._reached():
             names = self._names_of_sums(there)
             texts = [self.files.cat_file(name).decode("utf-8", errors="replace") for name in names]
@@ -164,7 +164,7 @@ class RemoteStore(Store):
         return [f"{folder}/{each}" for each in listed if each.startswith(f"{name}.") and each.endswith(SUFFIX)]
 
     def _set_aside_there(self, there: str, why: str) -> None:
-        """Move what does not fit its sum to `damaged/` elsewhere; its sums too, where none of them is whole."""
+        """Move a remote file that does not match its sum to `damaged/`; with its sums if none is valid."""
         target = f"{self.root}/{DAMAGED}/{there.removeprefix(self.root).strip('/')}.{uuid.uuid4().hex[:8]}"
         sums_are_damaged = self._sums(there) == []
         with self._reached():
@@ -177,17 +177,17 @@ class RemoteStore(Store):
 
     @contextmanager
     def _reached(self) -> Iterator[None]:
-        """Make one clear line of whatever a kind of address raises."""
+        """Convert any exception of an address to one clear line."""
         try:
             yield
         except StoreError:
             raise
         except Exception as error:
             if isinstance(error, OSError) and error.errno in FULL:
-                raise  # of this machine's disk
-            said = str(error) or type(error).__name__
-            raise StoreError(f"{self.address}: {said}; allowed is a store that can be reached") from error
+                raise  # from this machine's disk
+            reason = str(error) or type(error).__name__
+            raise StoreError(f"{self.address}: {reason}; allowed is a store that can be reached") from error
 
 
 class _MisfitError(Exception):
-    """A fetched file does not fit its sum."""
+    """A downloaded file does not match its sum."""

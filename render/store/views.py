@@ -1,4 +1,4 @@
-"""Views in a store: written, read and asked for their certificates; nothing that was not checked is believed."""
+"""Views in a store: writing, reading, and their certificates; everything is verified before use."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ BYTES_A_PIXEL = 22
 
 
 class DamagedViewError(StoreError):
-    """A view that was in the store is not there, or was set aside: it has to be rendered again."""
+    """A view of the store is missing or was set aside: it has to be rendered again."""
 
 
 def save_view(store: Store, view: RenderedView, request: ViewRequest, seconds: float | None = None) -> None:
     """Store a rendered view, with its certificate in its sum.
 
     Args:
-        seconds: s, that rendering took, where known: with renderer and pixels, for who asks how long others will take.
+        seconds: s, time of rendering, if known; stored with renderer and resolution for forecasts.
 
     Raises:
         StoreError: the store cannot be written, or the disk is full.
@@ -49,7 +49,7 @@ def save_view(store: Store, view: RenderedView, request: ViewRequest, seconds: f
         try:
             write_view(temporary, view, request)
         except ImageFileError as error:
-            # The image library does not say why; a disk without room for the bare pixels says it for it.
+            # The image library gives no reason; no room for even the raw pixels means a full disk.
             most = BYTES_A_PIXEL * view.radiance.size
             written = temporary.stat().st_size if temporary.exists() else 0
             if free_bytes(path) + written < most:
@@ -61,7 +61,7 @@ def save_view(store: Store, view: RenderedView, request: ViewRequest, seconds: f
 
 
 def load_view(store: Store, key: str) -> RenderedView | None:
-    """A stored view; None where there is none, or none that is whole.
+    """A stored view; None if it is missing or damaged.
 
     Raises:
         StoreError: a damaged file cannot be set aside.
@@ -77,10 +77,10 @@ def load_view(store: Store, key: str) -> RenderedView | None:
 
 
 def stored_view(store: Store, key: str) -> RenderedView:
-    """A view that must be there.
+    """A stored view that is expected to exist.
 
     Raises:
-        DamagedViewError: it is not, or no more.
+        DamagedViewError: it does not, or not any more.
     """
     view = load_view(store, key)
     if view is None:
@@ -89,10 +89,10 @@ def stored_view(store: Store, key: str) -> RenderedView:
 
 
 def stored_planes(store: Store, key: str, names: Sequence[str]) -> ViewPlanes:
-    """Some channels of a view that must be there.
+    """Some channels of a view that is expected to exist.
 
     Raises:
-        DamagedViewError: it is not, or no more.
+        DamagedViewError: it does not, or not any more.
     """
 
     def read(path: Path) -> ViewPlanes:
@@ -108,7 +108,7 @@ def stored_planes(store: Store, key: str, names: Sequence[str]) -> ViewPlanes:
 
 
 def adopt_view(store: Store, path: Path) -> bool:
-    """Whether the view at one of the store's paths is whole; one of an older version is given a sum.
+    """Whether the view at one of the store's paths is intact; a sum is added to one of an older version.
 
     Raises:
         StoreError: a damaged file cannot be set aside.
@@ -124,7 +124,7 @@ def adopt_view(store: Store, path: Path) -> bool:
 
 
 def certificate_of(store: Store, request: ViewRequest) -> Certificate | None:
-    """The certificate of a stored view, from its sum; None where the view has to be rendered.
+    """The certificate of a stored view, from its sum; None if the view has to be rendered.
 
     Raises:
         StoreError: a damaged file cannot be set aside.
@@ -139,7 +139,7 @@ def certificate_of(store: Store, request: ViewRequest) -> Certificate | None:
             return None
 
     def read(path: Path) -> RenderedView:
-        # An older file: what it says of itself has to be what was asked for.
+        # An older file: its header must match the request.
         view = read_view(path)
         if (view.key, view.camera, view.sensor) != (request.key, request.camera, request.sensor):
             raise ImageFileError(f"{path}: the header is that of another view")
@@ -150,7 +150,7 @@ def certificate_of(store: Store, request: ViewRequest) -> Certificate | None:
 
 
 def render_seconds_of(store: Store, request: ViewRequest) -> float | None:
-    """s, that rendering a stored view took whoever rendered it; None where its sum does not have that.
+    """s, time of rendering a stored view, by any machine; None if its sum has none.
 
     Raises:
         StoreError: as `certificate_of`.

@@ -1,1 +1,1 @@
-"""What is rendered, without a camera: surfaces, meshes, markers, and backdrops from files."""
+"""The rendered world, without a camera: surfaces, meshes, markers, and backdrops from files."""

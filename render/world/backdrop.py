@@ -1,8 +1,8 @@
-"""A Mitsuba scene file as a backdrop: the geometry and the diffuse reflectance in it, read without the renderer.
+"""Backdrops from Mitsuba scene files: geometry and diffuse reflectance, read without the renderer.
 
-Understood are shapes (obj, ply, rectangle, cube, sphere, disk) with `to_world`, diffuse bsdfs, alone, two-sided or by
-reference, with constant, checkerboard or bitmap reflectance, and defaults ($name). A scene's own light, sensors and
-integrator have no part in a backdrop. What else there is is passed over and named in a warning.
+Supported are shapes (obj, ply, rectangle, cube, sphere, disk) with `to_world`; diffuse bsdfs, alone, two-sided or by
+reference, with constant, checkerboard or bitmap reflectance; and defaults ($name). A file's light, sensors and
+integrator are ignored. Everything else is skipped and named in a warning.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ __all__ = ["Backdrop", "read_backdrop"]
 Element = ElementTree.Element
 
 SHAPES = ("obj", "ply", "rectangle", "cube", "sphere", "disk")
-# Parts of a Mitsuba file that say how to render, and nothing of what is there.
+# Elements of a Mitsuba file about rendering, not about the scene.
 ABOUT_RENDERING = {"integrator", "sensor", "sampler", "film", "rfilter"}
 # An icosphere of three subdivisions (1280 faces) stays within 0.3 % of its radius.
 SPHERE_SUBDIVISIONS = 3
@@ -39,19 +39,19 @@ DISK_CORNERS = 64
 # Ten thousand shapes with a matrix each.
 MOST_XML_BYTES = 4 * 2**20
 MOST_ELEMENTS = 100_000
-# Each is looked for in every value with a $.
+# Every value with a $ is searched for each of them.
 MOST_DEFAULTS = 100
-# Of a value with its defaults filled in: a spectrum of a thousand wavelengths.
+# Of a value with defaults substituted: a spectrum of a thousand wavelengths.
 LONGEST_VALUE = 20_000
-# Each stands in the way of every line of sight.
+# Each is tested for every line of sight.
 MOST_SHAPES = 1000
-# What all meshes of a scene may have together: more than a scene then takes of a backdrop.
+# Of all meshes in a scene together: more than a scene accepts of a backdrop.
 MOST_FACES = 1_000_000
 
 
 @dataclass(frozen=True)
 class Backdrop:
-    """Shapes in the file's own axes and units, and what was passed over or guessed, a line each."""
+    """Shapes in the file's own axes and units, and warnings about skipped and guessed parts, a line each."""
 
     parts: tuple[SceneObject, ...]
     warnings: tuple[str, ...]
@@ -61,12 +61,12 @@ def read_backdrop(path: Path, *, within: Path | None = None) -> Backdrop:
     """The shapes of the Mitsuba scene at `path`.
 
     Args:
-        within: the folder in which all files that it names have to lie, symbolic links followed; None: anywhere.
+        within: the folder in which all referenced files have to be, symbolic links resolved; None: anywhere.
 
     Raises:
-        RangeError: no such file, no XML, one with a document type, no Mitsuba scene, more of anything than is allowed,
-            or a shape whose file or numbers are wrong.
-        GeometryError: it has no shape that is understood.
+        RangeError: the file is missing, not XML, has a document type, is not a Mitsuba scene, or exceeds a limit; or a
+            shape's file or numbers are wrong.
+        GeometryError: it has no supported shape.
     """
     root = _root(path)
     passed: Counter[str] = Counter()
@@ -114,7 +114,7 @@ def read_backdrop(path: Path, *, within: Path | None = None) -> Backdrop:
 
 
 class _PlainTree(ElementTree.TreeBuilder):
-    """Builds the tree, but refuses what a document type brings: entities that grow without end, or are files."""
+    """Builds the tree, but refuses document types: their entities may grow without bound, or read files."""
 
     def doctype(self, name: str, _public: str | None, _system: str | None) -> None:
         raise RangeError(f"it has a document type, <!DOCTYPE {name:.60}>; allowed: XML without one, as Mitsuba writes")
@@ -137,12 +137,12 @@ def _root(path: Path) -> Element:
     for count, what, most in ((elements, "elements", MOST_ELEMENTS), (len(defaults), "defaults", MOST_DEFAULTS)):
         if count > most:
             raise RangeError(f"{count} {what}; allowed: at most {most}")
-    # Longer names first, so that $size does not take the place of $size_x.
+    # Longer names first, so that $size does not replace the start of $size_x.
     names = sorted(defaults, key=len, reverse=True)
     for element in root.iter():
         for key, value in element.items():
             for name in names if "$" in value else ():
-                # Defaults of defaults of defaults grow without end.
+                # Nested defaults can grow without bound.
                 if len(value) + value.count(f"${name}") * len(defaults[name]) > LONGEST_VALUE:
                     raise RangeError(
                         f"${name:.60} makes a value of more than {LONGEST_VALUE} characters; allowed: as many"
@@ -183,7 +183,7 @@ def _shape(element: Element, kind: str, name: str, folder: Path, within: Path | 
     with np.errstate(all="ignore"):
         moved = replace(mesh, vertices_m=mesh.vertices_m @ matrix[:3, :3].T + matrix[:3, 3])
         upright = np.linalg.det(matrix[:3, :3]) > 0
-    # A mirror turns the outside in.
+    # A reflection inverts the orientation.
     return moved if upright else replace(moved, faces=moved.faces[:, ::-1])
 
 
@@ -206,7 +206,7 @@ def _numbers(text: str) -> list[float]:
 
 
 def _triple(element: Element, default: float = 0.0) -> tuple[float, float, float]:
-    """x, y and z of an element, by keys of their own or one value of three numbers (or one for all)."""
+    """x, y and z of an element, by three keys or one value of three numbers (or one for all)."""
     if value := element.get("value"):
         numbers = _numbers(value)
         x, y, z = numbers * 3 if len(numbers) == 1 else numbers
@@ -219,7 +219,7 @@ def _transform(step: Element) -> Floats:
     """The (4, 4) matrix of one step of a transform.
 
     Raises:
-        ValueError: numbers that are missing or wrong, or a step that Mitsuba does not have.
+        ValueError: numbers are missing or wrong, or Mitsuba has no such step.
     """
     matrix = np.eye(4)
     match step.tag:
@@ -229,7 +229,7 @@ def _transform(step: Element) -> Floats:
             matrix[:3, :3] = np.diag(_triple(step, 1.0))
         case "rotate":
             axis, angle = np.array(_triple(step)), math.radians(float(step.get("angle", "")))
-            # Mitsuba takes an axis as it is, and one that is not of length 1 shears.
+            # Mitsuba does not normalise the axis; one whose length is not 1 causes shear.
             x, y, z = axis / np.linalg.norm(axis)
             across = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
             matrix[:3, :3] += math.sin(angle) * across + (1 - math.cos(angle)) * across @ across

@@ -1,4 +1,4 @@
-"""The scene state as triangles: tessellated surfaces that carry light, and the plates of the markers."""
+"""The scene state as triangles: tessellated surfaces with their light, and the markers' plates."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from render.world.state import Marker, Room, SceneState
 __all__ = ["Surface", "Tile", "lamps", "plate_corners", "surfaces", "tile_sphere"]
 
 
-# Vertices carry the irradiance; light in a room changes over decimetres, at the edge of a soft shadow over centimetres.
+# Vertices have the irradiance; light in a room varies over decimetres, at the edge of a soft shadow over centimetres.
 ROOM_MESH_M = 0.2
 OBJECT_MESH_M = 0.075
 # An icosphere of four subdivisions (2562 vertices) stays within 0.08 % of its radius.
 SPHERE_SUBDIVISIONS = 4
-# Front and back of a board (or of a marker's plate) lie this far apart, so that rays can tell them from each other; the
-# front stays where the scene puts it.
+# Distance between front and back of a board (or of a marker's plate), so that rays can distinguish them; the front is
+# where the scene places it.
 THICKNESS_M = 1e-3
-# A lamp hangs this far under the ceiling, so that the two do not share a plane.
+# Distance of a lamp from the ceiling, so that the two are not coplanar.
 LAMP_DROP_M = 2e-3
 
 
@@ -60,7 +60,7 @@ class Surface:
 
     Attributes:
         mesh_m: m, the largest cell of its tessellation.
-        radiance: W/(m² sr) that it emits by itself (lamps).
+        radiance: W/(m² sr) of its own emission (lamps).
         object_number: of the object it belongs to, in the scene state's order; −1 for the room and the lamps.
     """
 
@@ -90,7 +90,7 @@ class Surface:
         return np.concatenate(points), np.concatenate(normals), np.concatenate(triangles)
 
     def lit_by(self, irradiance: Callable[[Floats, Floats], Floats]) -> Floats:
-        """W/m² at the vertices, (V,), from what arrives at any points (N, 3) with unit normals (N, 3)."""
+        """W/m² at the vertices, (V,), from a function of points (N, 3) and unit normals (N, 3)."""
         if isinstance(self.shape, Mesh):
             return lit_mesh(self.shape, self.mesh_m).lit_by(irradiance)
         points, normals, _ = self.triangles()
@@ -104,7 +104,7 @@ def tile_sphere(sphere: Sphere, subdivisions: int) -> tuple[Floats, Integers]:
 
 
 def surfaces(state: SceneState) -> list[Surface]:
-    """Everything in the scene but lamps and markers."""
+    """All surfaces of the scene except lamps and markers."""
     found = _room(state.room)
     for number, item in enumerate(state.objects):
         shape: Sphere | Mesh | tuple[Tile, ...]
@@ -132,7 +132,7 @@ def _room(room: Room) -> list[Surface]:
     east, north, up = np.eye(3) * (room.width_m, room.length_m, height)
     low = np.array([-x, -y, 0.0])
     walls = (
-        Tile(low, up, east),  # y = −, looks along +y
+        Tile(low, up, east),  # y = −, facing +y
         Tile(low + north, east, up),
         Tile(low, north, up),
         Tile(low + east, up, north),

@@ -1,4 +1,4 @@
-"""A mesh as it is seen: all its triangles, and the vertices at which its light is known."""
+"""A mesh as it is rendered: all its triangles, and the vertices at which its light is looked up."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from render.world.meshes import NORMAL_WEIGHT, SAME_M, Skin, clustered, skin, sp
 __all__ = ["LitMesh", "lit_mesh"]
 
 
-# Faces that are split to carry light; a mesh with more faces of its own keeps them, unsplit.
+# Faces that are split for their light; a mesh with more faces of its own is not split.
 MOST_SPLIT_FACES = 20_000
-# Vertices of finer meshes show a mean of the light at this many: it would take minutes to look up them all.
+# Vertices of finer meshes interpolate the light at this many: looking up all of them would take minutes.
 MOST_RECEIVERS = 4096
 NEIGHBOURS = 4
-# Both sides of a sheet lie this far off it, so that rays can tell them apart; less than a marker's plate stands off.
+# Distance of both sides of a sheet from it, so that rays can distinguish them; less than the stand-off of a plate.
 SHEET_M = 0.2e-3
-# Faces that meet at a smaller angle are shaded as one round surface.
+# Faces that meet at a smaller angle are shaded smoothly.
 CREASE_DEG = 25.0
-# At a vertex with more faces than this each is shaded flat, since all pairs of them would have to be compared.
+# A vertex with more faces than this is shaded flat, since all pairs of them would have to be compared.
 MOST_FACES_AT_VERTEX = 64
 # Light is looked up this far inside a face's corner: in a fold the corner itself touches the other face.
 INSET_M = 2e-3
@@ -36,7 +36,7 @@ INSET_M = 2e-3
 class LitMesh:
     """A mesh as it is rendered: vertices (V, 3) in metres with unit normals (V, 3), and faces (F, 3).
 
-    Light is looked up at receivers, `receivers_m` and `receiver_normals` (R, 3); a vertex shows the mean of those
+    Light is looked up at receivers, `receivers_m` and `receiver_normals` (R, 3); that of a vertex is the mean of those
     `nearest` to it (V, K), weighted by `share` (V, K).
     """
 
@@ -49,14 +49,14 @@ class LitMesh:
     share: Floats
 
     def lit_by(self, irradiance: Callable[[Floats, Floats], Floats]) -> Floats:
-        """W/m² at the vertices, (V,), of light that is known at points (R, 3) with normals (R, 3)."""
+        """W/m² at the vertices, (V,), from a function of points (R, 3) and unit normals (R, 3)."""
         received = irradiance(self.receivers_m, self.receiver_normals)
         return np.asarray((received[self.nearest] * self.share).sum(axis=1))
 
 
 @lru_cache(maxsize=64)
 def lit_mesh(mesh: Mesh, largest_m: float) -> LitMesh:
-    """The full mesh, with faces longer than `largest_m` split so that shadows show on them."""
+    """The full mesh, with faces longer than `largest_m` split so that shadows appear on them."""
     sides = skin(mesh)
     corners, normals = sides.corners_m, _corner_normals(sides)
     back = sides.open_faces
@@ -71,7 +71,7 @@ def lit_mesh(mesh: Mesh, largest_m: float) -> LitMesh:
 
 
 def _shared(points: Floats, directions: Floats, insides: Floats) -> LitMesh:
-    """The corners of triangles, (3T, 3), those of one place and one direction as one vertex."""
+    """The corners of triangles, (3T, 3), merged where place and direction agree."""
     normals = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     rounded = np.round(np.column_stack([points / SAME_M, normals * 1e6])).astype(np.int64)
     _, first, vertex = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
@@ -111,7 +111,7 @@ def _corner_normals(sides: Skin) -> Floats:
     other = order[begin[at[pair]] + rank] // 3
     near = (flat[other] * flat[pair // 3]).sum(axis=1) > math.cos(math.radians(CREASE_DEG))
     total = np.zeros_like(normals)
-    # Its own face is among them, so that no sum is empty.
+    # The face itself is included, so that no sum is empty.
     np.add.at(total, pair[near], area[other[near]])
     normals[corner] = total[corner] / np.linalg.norm(total[corner], axis=1, keepdims=True)
     return normals.reshape(-1, 3, 3)

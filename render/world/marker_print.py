@@ -14,7 +14,7 @@ from render.world.state import MarkerPrint
 __all__ = ["pattern", "plate_texture", "predefined_dictionary"]
 
 
-# Texels a module: enough that a shading gradient of 10 % across a plate steps by 0.2 % of the light.
+# Texels per module: enough for a shading gradient of 10 % across a plate in steps of 0.2 % of the light.
 TEXELS_PER_MODULE = 8
 
 
@@ -39,7 +39,7 @@ def pattern(dictionary: str, marker_id: int) -> NDArray[np.bool_]:
 
 
 def plate_texture(style: MarkerPrint, marker_id: int, corner_irradiance: Floats) -> NDArray[np.float32]:
-    """W/(m² sr) that a plate radiates, print times light, first row at the top; square.
+    """W/(m² sr) of a plate, print times light, first row at the top; square.
 
     Args:
         corner_irradiance: W/m² at the plate's corners, (4,): top left, top right, bottom right, bottom left.

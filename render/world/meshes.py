@@ -1,7 +1,7 @@
-"""A mesh as something that reflects light: its sides, and the patches that stand for it in the exchange of light.
+"""A mesh as a reflector of light: its visible sides, and its patches for the exchange of light.
 
-A closed piece of a mesh is seen from outside, whichever way its file winds it; a piece with an edge that does not join
-exactly two faces is a sheet, seen from both sides.
+A closed piece of a mesh is visible from outside, whichever way its file winds it; a piece with an edge that does not
+join exactly two faces is a sheet, visible from both sides.
 """
 
 from __future__ import annotations
@@ -22,37 +22,37 @@ __all__ = [
     "Skin",
     "clustered",
     "mesh_patches",
-    "patches_wanted",
+    "patches_needed",
     "shares",
     "skin",
     "split_long",
 ]
 
 
-# All meshes of a scene together: the form factors are a dense matrix, patches by patches.
+# Of all meshes of a scene together: the form factors are a dense matrix, patches by patches.
 MOST_MESH_PATCHES = 1500
-# What finer meshes are merged to: as many patches as a ball of the same area has, and never fewer than …
+# Finer meshes are merged to as many patches as a ball of the same area has, and never fewer than …
 PATCH_AREA_M2 = 0.008
 FEWEST_PATCHES = 64
-# Faces that a mesh is split into, beyond its own, at the most.
+# Largest number of faces that splitting adds to a mesh.
 MOST_SPLIT_PATCHES = 150_000
-# Vertices that agree to this are one.
+# Vertices within this distance are merged.
 SAME_M = 1e-9
-# A direction's share, beside places in units of the mesh's size, in what faces make up one patch.
+# Weight of directions against positions in units of the mesh's size, when faces are clustered to patches.
 NORMAL_WEIGHT = 0.5
-# A cluster of faces that cancel each other out, to this part of their area, sends no light anywhere.
+# A cluster whose faces cancel each other out, to this share of their area, emits no light.
 LEAST_AREA_SHARE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """The faces of a mesh, wound so that their outside is the side that is seen.
+    """The faces of a mesh, wound so that their outside is the visible side.
 
     Attributes:
-        corners_m: m, (F, 3, 3); faces without area are left out.
-        points: which corners are one place, (F, 3).
-        open_faces: whether a face belongs to a sheet, which is seen from both sides, (F,).
-        turned: faces of closed pieces that the file winds inside out.
+        corners_m: m, (F, 3, 3), without faces of no area.
+        points: index of each corner's position, equal where corners coincide, (F, 3).
+        open_faces: whether a face belongs to a sheet, which is visible from both sides, (F,).
+        turned: number of faces of closed pieces that the file winds inside out.
     """
 
     corners_m: Floats
@@ -63,14 +63,14 @@ class Skin:
 
 @lru_cache(maxsize=64)
 def skin(mesh: Mesh) -> Skin:
-    """Which faces of `mesh` enclose a volume, and which way they face."""
+    """Which faces of `mesh` enclose a volume, and their orientation."""
     _, points = np.unique(np.round(mesh.vertices_m / SAME_M).astype(np.int64), axis=0, return_inverse=True)
     kept = mesh.face_areas_m2 > 0
     faces, corners = points.reshape(-1)[mesh.faces[kept]], mesh.corners_m[kept]
     starts, ends = faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)
     edges, edge = np.unique(np.sort(np.column_stack([starts, ends]), axis=1), axis=0, return_inverse=True)
     edge = edge.reshape(-1)
-    # Two faces at an edge that both run along it the same way don't belong to one surface with an outside.
+    # Two faces whose common edge runs in the same direction in both have no consistent outside.
     along = np.where(starts < ends, 1, -1)
     joined = (np.bincount(edge, minlength=len(edges)) == 2) & (np.bincount(edge, along, len(edges)) == 0)
     count = len(faces)
@@ -95,8 +95,8 @@ def split_long(faces: Floats, largest_m: float, most: int) -> Floats:
     """Faces (F, 3, 3 or more) halved across their longest edge until none is longer than the diagonal of a square.
 
     Args:
-        faces: whose first three numbers at each corner are its place in metres; the others are interpolated.
-        largest_m: m, the square's side; it grows until there are at most `most` faces beyond those given.
+        faces: the first three numbers at each corner are its position in metres; the others are interpolated.
+        largest_m: m, the square's side; it grows until at most `most` faces are added.
     """
     limit, allowed = largest_m * math.sqrt(2) * (1 + 1e-9), len(faces) + most
     while True:
@@ -121,28 +121,28 @@ def _from_longest(edges: Floats) -> Integers:
 # ---- what reflects ---------------------------------------------------------------------------------------------------
 
 
-def patches_wanted(mesh: Mesh, largest_m: float) -> int:
-    """How many patches `mesh` has if none is to be larger than `largest_m`, nor many much smaller."""
+def patches_needed(mesh: Mesh, largest_m: float) -> int:
+    """Number of patches of `mesh` if none is larger than `largest_m`, nor many much smaller."""
     sides = _both_sides(mesh)
     area_m2 = np.linalg.norm(np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0]), axis=1).sum() / 2
     enough = max(FEWEST_PATCHES, math.ceil(area_m2 / PATCH_AREA_M2))
     return min(enough, len(split_long(sides, largest_m, MOST_SPLIT_PATCHES)))
 
 
-def shares(wanted: list[int], most: int) -> list[int]:
-    """`most` shared out: everyone gets what is wanted, or else the same as all others who get less than they want."""
-    given, left = [0] * len(wanted), most
-    for rank, index in enumerate(sorted(range(len(wanted)), key=wanted.__getitem__)):
-        given[index] = min(wanted[index], left // (len(wanted) - rank))
+def shares(requested: list[int], most: int) -> list[int]:
+    """`most` divided fairly: each gets its request, or the same as all others that get less than their request."""
+    given, left = [0] * len(requested), most
+    for rank, index in enumerate(sorted(range(len(requested)), key=requested.__getitem__)):
+        given[index] = min(requested[index], left // (len(requested) - rank))
         left -= given[index]
     return given
 
 
 def mesh_patches(mesh: Mesh, largest_m: float, most: int) -> tuple[Floats, Floats]:
-    """Metres, the patches of `mesh` (P, 4, 3), at most `most`, and the points on it by which they are seen (P, 3).
+    """Metres, the patches of `mesh` (P, 4, 3), at most `most`, and the points on it that represent them (P, 3).
 
-    They are the faces themselves, split where they are larger than `largest_m`. Where that makes too many, a patch is
-    the square that stands for a cluster of neighbouring faces of like direction: it has their vector area.
+    They are its faces, split where they are larger than `largest_m`. If these are too many, a patch is a square that
+    represents a cluster of neighbouring faces of similar direction, with their vector area.
     """
     triangles = split_long(_both_sides(mesh), largest_m, MOST_SPLIT_PATCHES)
     if len(triangles) <= most:
@@ -172,7 +172,7 @@ def _clustered(triangles: Floats, most: int) -> tuple[Floats, Floats]:
 
 
 def clustered(places_m: Floats, normals: Floats, areas: Floats, most: int) -> tuple[Integers, Integers]:
-    """Things of a surface, (N, 3), (N, 3) and (N,), in at most `most` groups of neighbours of like direction.
+    """Elements of a surface, (N, 3), (N, 3) and (N,), in at most `most` groups of neighbours of similar direction.
 
     Returns:
         The group of each, (N,), numbered from 0, and the member of each group that is nearest to its middle.
@@ -190,7 +190,7 @@ def clustered(places_m: Floats, normals: Floats, areas: Floats, most: int) -> tu
 
 
 def _halved(features: Floats, areas: Floats, label: Integers) -> Integers:
-    """Each cluster with two members or more in two of about equal area, across its longest extent."""
+    """Each cluster of two members or more, split across its longest extent into two of about equal area."""
     new = 2 * label
     order = np.argsort(label, kind="stable")
     for members in np.split(order, np.flatnonzero(np.diff(label[order])) + 1):

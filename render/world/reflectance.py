@@ -1,4 +1,4 @@
-"""Diffuse reflectance out of a Mitsuba scene file: one albedo a shape, the mean of a texture."""
+"""Diffuse reflectance from a Mitsuba scene file: one albedo per shape, the mean of a texture."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ __all__ = ["DEFAULT_ALBEDO", "Reflectances"]
 
 Element = ElementTree.Element
 
-# Mitsuba's own for a diffuse bsdf that says nothing, and ours for all other bsdfs.
+# Mitsuba's default for a diffuse bsdf without reflectance, and ours for all other bsdfs.
 DEFAULT_ALBEDO = 0.5
 CHECKERS = {"color0": 0.4, "color1": 0.2}
-# Luminance of linear Rec. 709, as Mitsuba's variants of one channel take it.
+# Luminance of linear Rec. 709, as in Mitsuba's variants of one channel.
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-# A checkerboard in two-sided plaster is four deep. References may lead round in a circle, or double at each step.
+# A checkerboard in two-sided plaster is four deep. References may be cyclic, or double at each step.
 DEEPEST = 8
-# Of textures: their endings choose among the many readers of images.
+# Suffixes of textures, which determine the image reader.
 TEXTURES = (".png", ".jpg", ".jpeg", ".exr", ".hdr", ".bmp", ".tga", ".ppm", ".pgm")
 
 
 class Reflectances:
-    """The reflectances of a file, whose textures lie in `folder`, and in `within` (None: anywhere).
+    """The reflectances of a file with textures in `folder`, restricted to `within` (None: anywhere).
 
-    `guessed` names the shapes that got the default, since their bsdf is no diffuse one that is understood.
+    `guessed` names the shapes that got the default because their bsdf is not a supported diffuse one.
     """
 
     def __init__(self, root: Element, folder: Path, within: Path | None = None) -> None:
@@ -43,7 +43,7 @@ class Reflectances:
         """The albedo of a shape, 0 to 1; Mitsuba's default of 0.5 if it has no bsdf.
 
         Raises:
-            RangeError: a texture that lies outside, or is too large.
+            RangeError: a texture is outside, or too large.
         """
         bsdf = self._child(shape, "bsdf")
         try:
@@ -58,7 +58,7 @@ class Reflectances:
         return float(np.clip(albedo, 0.0, 1.0))
 
     def _child(self, element: Element, *tags: str, name: str | None = None) -> Element | None:
-        """The child, or what it refers to, that has one of `tags` (and the name)."""
+        """The child, or the one it references, with one of `tags` (and the name)."""
         for child in element:
             found = self._named.get(child.get("id")) if child.tag == "ref" else child
             if found is not None and found.tag in tags and (name is None or child.get("name") == name):

@@ -1,4 +1,4 @@
-"""The scene state: everything in the world that determines a view, but the camera. Plain data, no renderer needed."""
+"""The scene state: everything that determines a view, except the camera. Plain data, without a renderer."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ class Panel:
 
 @dataclass(frozen=True)
 class Light:
-    """Lamps in the ceiling, or a ring light at each camera, strobed: each camera sees its own alone.
+    """Lamps in the ceiling, or a ring light at each camera, strobed so that each camera has its own light only.
 
     Attributes:
         radiance_w_per_m2_sr: W/(m² sr) within the sensor's band, of all panels.
         panels: the lamps; none with ring lights.
-        ring_w_per_sr: W/sr, intensity of a camera's ring light, the same in all directions; 0 for lamps. What other
-            surfaces reflect of it is left out: a strobe's first bounce is a hundredth of it and less.
+        ring_w_per_sr: W/sr, intensity of a camera's ring light, the same in all directions; 0 for lamps. Its
+            reflections from other surfaces are neglected: a strobe's first bounce is at most a hundredth of it.
     """
 
     radiance_w_per_m2_sr: float
@@ -55,7 +55,7 @@ class Light:
 
 @dataclass(frozen=True)
 class MarkerPrint:
-    """How the markers are printed.
+    """Print of the markers.
 
     Attributes:
         dictionary: name of the OpenCV dictionary, such as "DICT_4X4_100".
@@ -75,7 +75,7 @@ class Marker:
 
     Attributes:
         id: its number in the dictionary.
-        object_name: what it is glued to.
+        object_name: name of the object that bears it.
         centre_m: m, (3,).
         normal: unit outward normal of its face, (3,).
         up: unit vector from its centre to the top of its print, (3,).
@@ -91,18 +91,18 @@ class Marker:
 
     @property
     def right(self) -> Floats:
-        """Unit vector to the right for someone who looks at the print, (3,)."""
+        """Unit vector to the right as seen from the front, (3,)."""
         return np.cross(self.up, self.normal)
 
 
 @dataclass(frozen=True)
 class Motion:
-    """How a rigid thing moves while the shutter is open; it is where its shape says at the middle of the exposure.
+    """Motion of a rigid object during the exposure; its shape states its position at the middle of the exposure.
 
     Attributes:
         velocity_m_per_s: m/s in the world, (3,).
         turn_rate_deg_per_s: °/s about the world's axes, (3,): its direction is the axis, by the right-hand rule.
-        about_m: m, a point that the axis goes through, (3,).
+        about_m: m, a point on the axis, (3,).
     """
 
     velocity_m_per_s: tuple[float, float, float] = (0.0, 0.0, 0.0)

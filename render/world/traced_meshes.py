@@ -1,6 +1,6 @@
-"""Meshes as obstacles, asked of Mitsuba: the answers of `pss.surrogates.Mesh.blocks`, some eighty times sooner.
+"""Meshes as occluders, traced by Mitsuba: the results of `pss.surrogates.Mesh.blocks`, about eighty times faster.
 
-Light asks about tens of millions of lines of sight for a scene with people in it; the metric, about some thousands.
+Radiosity tests tens of millions of lines of sight for a scene with people in it; the metric tests thousands.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ ONE_AT_A_TIME = threading.Lock()
 
 @dataclass(frozen=True, eq=False)
 class TracedMeshes:
-    """Triangles as an obstacle, a `Shape` as the metric's own are; in single precision.
+    """Triangles as an occluder, with the interface of `Shape`; in single precision.
 
     Attributes:
-        mesh: what blocks.
+        mesh: the mesh that blocks.
         mi: Mitsuba, with a variant that traces many rays at once.
     """
 
@@ -42,14 +42,14 @@ class TracedMeshes:
         parameters["vertex_positions"] = mesh.vertices_m.ravel().astype(np.float32)
         parameters["faces"] = mesh.faces.ravel().astype(np.uint32)
         parameters.update()
-        # Without it one ray in twelve that is aimed at the seam of two triangles slips through; the metric's own search
-        # has no such seams.
+        # Without it one in twelve rays aimed at the seam between two triangles passes through; the metric's own search
+        # is watertight.
         scene = {"type": "scene", "embree_use_robust_intersections": True, "mesh": triangles}
         object.__setattr__(self, "_scene", mi.load_dict(scene))
 
     @property
     def name(self) -> str:
-        """The mesh's."""
+        """The mesh's name."""
         return self.mesh.name
 
     def blocks(self, starts_m: Floats, ends_m: Floats) -> Bools:
@@ -66,7 +66,7 @@ class TracedMeshes:
 
 
 def joined_meshes(shapes: Sequence[Shape]) -> tuple[Shape, ...]:
-    """The same obstacles with all meshes as one: one search for each ray in place of one for each mesh."""
+    """The same occluders with all meshes as one: one search for each ray instead of one for each mesh."""
     meshes = [shape for shape in shapes if isinstance(shape, Mesh)]
     if len(meshes) < 2:
         return tuple(shapes)
@@ -77,10 +77,10 @@ def joined_meshes(shapes: Sequence[Shape]) -> tuple[Shape, ...]:
 
 
 def with_traced_meshes(shapes: Sequence[Shape], mi: Any | None) -> tuple[Shape, ...]:
-    """The same obstacles, the meshes as one that Mitsuba traces.
+    """The same occluders, with the meshes as one that Mitsuba traces.
 
     Args:
-        mi: Mitsuba; None, or a variant that traces one ray at a time, leaves the metric's own search.
+        mi: Mitsuba; with None, or a variant that traces one ray at a time, the metric's own search is used.
     """
     joined = joined_meshes(shapes)
     if mi is None or mi.variant().startswith("scalar"):

@@ -17,18 +17,18 @@ import pytest
 from render import backend
 from render.code_digest import PACKAGES, ROOT, code_of, installed_version
 from render.files.exr import read_view, write_view
-from render.keys import APART as VIEW_APART
+from render.keys import EXCLUDED as VIEW_EXCLUDED
 from render.keys import light_code, view_code
 from render.lens.sampling import Sampling
 from render.random_streams import random_stream
 from render.renderer import Renderer
 from render.sensor import capture
 from tests.helpers.processes import environment
-from validate.markers.view_measurement import APART as MEASURE_APART
+from validate.markers.view_measurement import EXCLUDED as MEASURE_EXCLUDED
 from validate.markers.view_measurement import MeasureTask, _words_of, measure_capture, measure_code
 from validate.pixel_noise.laboratory import DICTIONARY, Factors, Pose, Setup
 from validate.pixel_noise.measure import pixel_noise_code
-from validate.plots.sweep import APART as FIGURES_APART
+from validate.plots.sweep import EXCLUDED as FIGURES_EXCLUDED
 
 CODES = {"view": view_code, "light": light_code, "measurement": measure_code, "pixel noise": pixel_noise_code}
 # Modules that run while a view is rendered and measured, and that no digest holds, with the reason.
@@ -38,11 +38,11 @@ NOT_COUNTED = {
 
 
 def of_measurements(root: Path) -> str:
-    return code_of("validate.markers.view_measurement", apart=tuple(MEASURE_APART), root=root).digest
+    return code_of("validate.markers.view_measurement", excluded=tuple(MEASURE_EXCLUDED), root=root).digest
 
 
 def of_views(root: Path) -> str:
-    return code_of("render.renderer", "render.files.exr", apart=tuple(VIEW_APART), root=root).digest
+    return code_of("render.renderer", "render.files.exr", excluded=tuple(VIEW_EXCLUDED), root=root).digest
 
 
 def changed(folder: Path, file: str, change) -> Path:
@@ -164,7 +164,7 @@ def test_what_is_imported_for_type_checking_is_not_reached(tmp_path):
         "validate/markers/localise.py",
         lambda text: text + "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import validate.sweeps.rows\n",
     )
-    modules = code_of("validate.markers.view_measurement", apart=tuple(MEASURE_APART), root=root).modules
+    modules = code_of("validate.markers.view_measurement", excluded=tuple(MEASURE_EXCLUDED), root=root).modules
     assert modules == measure_code().modules
 
 
@@ -265,8 +265,8 @@ def test_measurements_hang_on_nothing_that_shows_or_keeps_them():
 
 def test_figures_and_reports_hang_on_all_that_draws_them():
     """Helpers of other folders too; not on what renders, measures or keeps views."""
-    figures = code_of("validate.plots.sweep", apart=FIGURES_APART)
-    report = code_of("validate.pages.section", apart=FIGURES_APART)
+    figures = code_of("validate.plots.sweep", excluded=FIGURES_EXCLUDED)
+    report = code_of("validate.pages.section", excluded=FIGURES_EXCLUDED)
     assert {
         "validate.plots.room3d",
         "validate.runs.table_text",
@@ -285,7 +285,7 @@ def test_figures_and_reports_hang_on_all_that_draws_them():
         } & set(code.modules)
 
 
-@pytest.mark.parametrize("apart", [VIEW_APART, MEASURE_APART], ids=["view", "measurement"])
+@pytest.mark.parametrize("apart", [VIEW_EXCLUDED, MEASURE_EXCLUDED], ids=["view", "measurement"])
 def test_what_does_not_count_is_there_and_has_a_reason(apart):
     for name, reason in apart.items():
         assert len(reason) > 20

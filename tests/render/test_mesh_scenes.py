@@ -23,7 +23,7 @@ from render.light.radiosity import solve_radiosity
 from render.renderer import Renderer
 from render.world import lit_meshes
 from render.world.lit_meshes import SHEET_M, lit_mesh
-from render.world.meshes import FEWEST_PATCHES, MOST_MESH_PATCHES, mesh_patches, patches_wanted, shares, skin
+from render.world.meshes import FEWEST_PATCHES, MOST_MESH_PATCHES, mesh_patches, patches_needed, shares, skin
 from render.world.state import Light, MarkerPrint, Panel, Room, SceneObject, SceneState
 
 WORKSHOP = Path(__file__).parents[2] / "scenes" / "workshop.toml"
@@ -173,7 +173,7 @@ def test_shading_is_smooth_on_a_ball_and_sharp_on_a_box():
 def test_patches_of_fine_meshes_are_merged_and_keep_the_area():
     """A closed body's area vectors cancel; the patches' area is the body's, but for what faces of one patch curve."""
     fine = ball_mesh(BALL, 6)
-    wanted = patches_wanted(fine, 0.3)
+    wanted = patches_needed(fine, 0.3)
     assert FEWEST_PATCHES < wanted < 500
     corners, seen = mesh_patches(fine, 0.3, wanted)
     assert len(corners) == len(seen) <= wanted

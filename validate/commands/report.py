@@ -32,7 +32,7 @@ from validate.pages.named import Given
 from validate.pages.section import Section, html_of, section_of
 from validate.pages.steps import steps_of_plan
 from validate.pages.stored import REPORT, stored_measurements
-from validate.plots.sweep import APART
+from validate.plots.sweep import EXCLUDED
 from validate.points.configuration import predict
 from validate.runs.folder_lock import alone_in
 from validate.runs.input_files import load_measurement_of
@@ -106,7 +106,7 @@ def _about(sweeps: Sequence[SweepForReport]) -> dict[str, str]:
 
 def source_of_report(figures_drawn_from: str) -> str:
     """Hash of all that a report shows, beside what a run's figures show: the code that makes it."""
-    code = code_of("validate.pages.section", "validate.pages.images", "validate.pages.gltf", apart=APART)
+    code = code_of("validate.pages.section", "validate.pages.images", "validate.pages.gltf", excluded=EXCLUDED)
     digest = hashlib.sha256(f"{figures_drawn_from} {code.digest}".encode())
     for path in sorted((Path(__file__).parents[1] / "pages" / "templates").iterdir()):
         digest.update(path.read_bytes())

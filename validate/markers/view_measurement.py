@@ -28,7 +28,7 @@ from validate.markers.detect import find_markers
 from validate.markers.localise import localise
 
 __all__ = [
-    "APART",
+    "EXCLUDED",
     "MeasureTask",
     "ViewMeasurement",
     "load_measurement",
@@ -38,7 +38,7 @@ __all__ = [
 ]
 
 
-APART = {
+EXCLUDED = {
     "render.backend": "chooses the renderer, which the view's name holds",
     "render.code_digest": "makes names; what it finds is the name",
     "render.store.arrays": "checks that what is read is a measurement",
@@ -73,7 +73,7 @@ class ViewMeasurement:
 
 def measure_code() -> Code:
     """The code that takes captures of a view, and finds and localises the markers in them."""
-    return code_of("validate.markers.view_measurement", apart=tuple(APART))
+    return code_of("validate.markers.view_measurement", excluded=tuple(EXCLUDED))
 
 
 @cache

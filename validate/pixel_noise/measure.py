@@ -24,18 +24,18 @@ from render.sensor import FixedPattern, capture, expected_electrons, fixed_patte
 from render.store.arrays import Arrays, check_arrays
 from render.store.folder import Store
 from validate.acquire.queue import WorkerQueue
-from validate.markers.view_measurement import APART as MEASURE_APART
+from validate.markers.view_measurement import EXCLUDED as MEASURE_EXCLUDED
 from validate.markers.view_measurement import measure_capture
 from validate.pixel_noise.design import Plan, Shot
 from validate.pixel_noise.laboratory import DICTIONARY, Setup
 from validate.runs.progress import ViewProgress
 
-__all__ = ["APART", "Measured", "measure_all", "pixel_noise_code"]
+__all__ = ["EXCLUDED", "Measured", "measure_all", "pixel_noise_code"]
 
 
 # Rendered views that wait to be measured; more would only fill memory.
 MOST_WAITING = 8
-APART = MEASURE_APART | {
+EXCLUDED = MEASURE_EXCLUDED | {
     "validate.pixel_noise.design": "chooses what is measured, which the names of views hold",
     "validate.runs.progress": "counts for people",
     "validate.acquire.queue": "has calls made in other processes",
@@ -136,7 +136,7 @@ def _check(arrays: Arrays, trials: int) -> None:
 
 def pixel_noise_code() -> Code:
     """The code that finds markers in the captures of the laboratory, and bounds how well that can be done."""
-    return code_of("validate.pixel_noise.measure", apart=tuple(APART))
+    return code_of("validate.pixel_noise.measure", excluded=tuple(EXCLUDED))
 
 
 def _path(store: Store, key: str, shot: Shot, seed: int, trials: int) -> Path:

@@ -55,7 +55,7 @@ LONGEST_LABEL, LEVEL_WIDTH = 26, 50
 # Room over the highest star.
 ABOVE_OPTIMUM = 1.08
 # Modules that figures use and that do not draw: what they give is in the tables, which count by themselves.
-APART = (
+EXCLUDED = (
     "render.renderer",
     "scenes.scene",
     "scenes.steps.sweep_file",
@@ -72,7 +72,7 @@ NOT_SHOWN = ("timings.csv",)
 
 def source_of(folder: Path, results: Sequence[SweepResult]) -> str:
     """Hash of all that the figures of a run show: its tables, its files, and the code that draws them."""
-    digest = hashlib.sha256(code_of("validate.plots.sweep", apart=APART).digest.encode())
+    digest = hashlib.sha256(code_of("validate.plots.sweep", excluded=EXCLUDED).digest.encode())
     for table in sorted(folder.glob("*.csv")):
         if table.name not in NOT_SHOWN:
             digest.update(table.read_bytes())

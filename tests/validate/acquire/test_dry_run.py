@@ -81,7 +81,7 @@ def test_rates_are_those_of_the_stores_own_views(wanted, tmp_path):
 
 def test_a_disk_that_is_too_small_is_said(wanted, tmp_path, monkeypatch):
     """On standard error, with both numbers."""
-    chosen = backend.Backend("scalar_rgb", "", 0, "as asked")
+    chosen = backend.Backend("scalar_rgb", "", 0, "as requested")
     messages = RunMessages()
     messages.console, messages.errors = Console(file=io.StringIO(), width=200), Console(file=io.StringIO(), width=200)
     for free, warned in ((10**12, False), (10_000, True)):
@@ -132,7 +132,7 @@ def test_time_grows_with_the_samples_as_the_benchmarks_do(ratio, cpu_s):
 @pytest.mark.parametrize("scale", [HERE, Scale(workers=2)])
 def test_memory_that_is_too_small_is_said(wanted, tmp_path, monkeypatch, scale):
     """The dry run states what is needed and what there is, and warns if that is less."""
-    chosen = backend.Backend("scalar_rgb", "", 0, "as asked")
+    chosen = backend.Backend("scalar_rgb", "", 0, "as requested")
     messages = RunMessages()
     messages.console, messages.errors = Console(file=io.StringIO(), width=200), Console(file=io.StringIO(), width=200)
     large = of_size(wanted, 8000, 6000)
