@@ -115,7 +115,7 @@ def test_a_package_that_passes_names_on_at_their_first_use_does_not_count(tmp_pa
 
     modules = code_of(
         "validate.markers.localise",
-        apart=tuple(MEASURE_APART),
+        excluded=tuple(MEASURE_EXCLUDED),
         root=changed(tmp_path, "validate/markers/localise.py", imported),
     ).modules
     assert "render" not in modules
