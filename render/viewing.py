@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Protocol
 
@@ -16,11 +15,9 @@ from render import backend
 from render.captures import captures
 from render.lens.sampling import Sampling
 from render.light.exposure import AutoExposure
-from render.light.lit_scene import GlowMeshes, bake
-from render.light.radiosity import solve_light
 from render.renderer import RenderedView, Renderer, ViewRequest
 from render.store.folder import Store
-from render.store.light import baked
+from render.store.light import lit
 from render.store.remote import open_store
 from render.store.views import load_view, save_view
 from render.world.state import SceneState
@@ -119,11 +116,11 @@ def view(
     chosen = backend.choose(variant)
     request = ViewRequest(scene.state, camera, scene.sensor, Sampling(noise_ratio=noise_ratio), chosen.identity)
     if store is None:
-        return _view(Renderer(scene.state, _solved(scene.state, chosen), chosen).render(request))
+        return _view(Renderer(scene.state, lit(scene.state, None, chosen), chosen).render(request))
     opened = store if isinstance(store, Store) else open_store(store)
     found = load_view(opened, request.key)
     if found is None:
-        renderer = Renderer(scene.state, baked(scene.state, opened, chosen), chosen)
+        renderer = Renderer(scene.state, lit(scene.state, opened, chosen), chosen)
         begin = time.perf_counter()
         found = renderer.render(request)
         save_view(opened, found, request, time.perf_counter() - begin)
@@ -132,9 +129,3 @@ def view(
 
 def _view(rendered: RenderedView) -> View:
     return View(**vars(rendered))
-
-
-@lru_cache(maxsize=2)
-def _solved(state: SceneState, chosen: backend.Backend) -> GlowMeshes:
-    """The lit scene of a state, kept for further views of it."""
-    return bake(state, solve_light(state, backend.start(chosen)))

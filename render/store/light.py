@@ -15,7 +15,12 @@ from render.store.arrays import Arrays, check_arrays
 from render.store.folder import Store, StoreError
 from render.world.state import SceneState
 
-__all__ = ["baked", "load_light", "save_light"]
+__all__ = ["baked", "lit", "load_light", "save_light"]
+
+# Lit scenes that a process keeps for its next views and predictions of the same states.
+MOST_KEPT = 2
+
+_kept: dict[str, GlowMeshes] = {}
 
 
 def load_light(store: Store, key: str, state: SceneState) -> GlowMeshes | None:
@@ -36,6 +41,29 @@ def save_light(store: Store, key: str, meshes: GlowMeshes, code: str, seconds: f
     """
     arrays = {name: np.asarray(value) for name, value in vars(meshes).items()}
     store.save(store.light(key), arrays, code, {"seconds": seconds})
+
+
+def lit(state: SceneState, store: Store | None = None, chosen: backend.Backend | None = None) -> GlowMeshes:
+    """The lit scene of a state: from the store, else the one that this process used last, else solved now.
+
+    Args:
+        store: where solved light is taken from and stored; None to keep it in this process alone.
+        chosen: the backend whose rays find what is hidden where meshes stand in the way; None for the default one.
+
+    Raises:
+        StoreError: the store cannot be used, or lacks the light and cannot be written.
+    """
+    key = light_key(state)
+    if store is not None:
+        meshes = baked(state, store, chosen or backend.choose())
+    elif key in _kept:
+        meshes = _kept.pop(key)
+    else:
+        meshes = bake(state, solve_light(state, backend.start(chosen or backend.choose())))
+    while len(_kept) >= MOST_KEPT:
+        del _kept[next(iter(_kept))]
+    _kept[key] = meshes
+    return meshes
 
 
 def baked(

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import scenes
+from render.keys import state_key
 from render.lens.sampling import Sampling
 from render.renderer import Certificate, RenderedView
 from render.store.folder import Store
@@ -38,6 +39,8 @@ def made_up_run(folder: Path, scene: str, sweeps: dict[str, str]) -> tuple[list[
         (folder / f"{name}.toml").write_text(text)
         sweep = load_sweep(folder / f"{name}.toml")
         made = plan(sweep, scenes.load(sweep.scene_path), RENDERER, Sampling())
+        for step in made.configurations:
+            acquired.appearances.setdefault(state_key(step.scene.state), step.scene.appearance())
         for wanted in made.views:
             for item in wanted:
                 if item not in acquired.measured:

@@ -12,7 +12,7 @@ import numpy as np
 import scenes
 from render.light.estimated_light import estimated_appearance
 from scenes import load_sweep
-from validate.points.configuration import predict
+from validate.prediction.predict import predict
 
 __all__ = ["predicted_result"]
 

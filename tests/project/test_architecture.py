@@ -28,6 +28,7 @@ ALLOWED = {
         "render/backend.py",
         "mitsuba",
     ): "starts the variant, after it has chosen a libLLVM; all others get the module from it",
+    ("render/store/remote.py", "fsspec"): "opens a store at an address, with the extra `cloud`; a folder needs none",
     ("render/backend.py", "archspec"): "asks for the kind of processor, on which the last bits of a render hang",
     ("render/backend.py", "drjit"): "sets how many threads render, after the variant has started",
     (

@@ -81,8 +81,9 @@ def test_without_a_store_the_view_is_the_same(seen, small, room_store, monkeypat
     def solved(state, mi):
         calls.append(state)
 
-    monkeypatch.setattr("render.viewing.solve_light", solved)
-    monkeypatch.setattr("render.viewing.bake", lambda state, _: load_light(room_store, light_key(state), state))
+    monkeypatch.setattr("render.store.light._kept", {})
+    monkeypatch.setattr("render.store.light.solve_light", solved)
+    monkeypatch.setattr("render.store.light.bake", lambda state, _: load_light(room_store, light_key(state), state))
     for _ in range(2):
         view = render.view(small, small.camera(CAMERA))
         assert (view.radiance == seen.radiance).all()

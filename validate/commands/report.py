@@ -33,7 +33,7 @@ from validate.pages.section import Section, html_of, section_of
 from validate.pages.steps import steps_of_plan
 from validate.pages.stored import REPORT, stored_measurements
 from validate.plots.sweep import EXCLUDED
-from validate.points.configuration import predict
+from validate.prediction.predict import predict
 from validate.runs.folder_lock import alone_in
 from validate.runs.input_files import load_measurement_of
 from validate.runs.program import program_name

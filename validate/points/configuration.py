@@ -1,13 +1,13 @@
-"""Set prediction and measurement of one configuration side by side: the only place where the two meet."""
+"""What the images of one configuration of cameras measure: triangulated and tracked points, and their errors."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from pss import Appearance, Evaluation, PTZCamera, evaluate
+from pss import PTZCamera
 from pss.hints import Floats
 from pss.riccati.covariances import largest_standard_deviation, root_trace
 from scenes import Scene
@@ -17,7 +17,7 @@ from validate.points.static_filter import Tracked, track_static
 from validate.points.triangulate import Triangulated, triangulate
 from validate.stats.measured_errors import MeasuredErrors, measured_inverse_sigma, measured_pss
 
-__all__ = ["Assessment", "Measured", "assess", "measure_configuration", "predict", "triangulated_errors"]
+__all__ = ["Measured", "measure_configuration", "triangulated_errors"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,35 +75,6 @@ class Measured:
         return measured_pss(self.filter_sigma_m, self.errors.detection_rate)
 
 
-@dataclass(frozen=True, eq=False)
-class Assessment:
-    """A configuration with its prediction by each noise model and its measurement."""
-
-    cameras: tuple[PTZCamera, ...]
-    predicted: Mapping[str, Evaluation]
-    measured: Measured
-    view_detection_rate: Floats
-    """(C, N), share of the trials in which each view detected each marker."""
-
-
-def predict(scene: Scene, cameras: Sequence[PTZCamera], appearance: Appearance | None = None) -> dict[str, Evaluation]:
-    """The metric of a configuration, by the name of each of the scene's noise models."""
-    state = scene.state
-    return {
-        model.name: evaluate(
-            cameras,
-            state.points_m,
-            state.normals,
-            noise=model,
-            process=scene.process,
-            occluder=state.occluders,
-            appearance=appearance,
-            visibility=scene.visibility,
-        )
-        for model in scene.noise_models
-    }
-
-
 def triangulated_errors(
     scene: Scene, cameras: Sequence[PTZCamera], views: Sequence[ViewMeasurement]
 ) -> tuple[Triangulated, MeasuredErrors]:
@@ -129,20 +100,4 @@ def measure_configuration(
         triangulated,
         propagated_errors(cameras, truth, kept, covariance, triangulated.used),
         track_static(cameras, truth, kept, covariance, usable, scene.process, rng),
-    )
-
-
-def assess(
-    scene: Scene,
-    cameras: Sequence[PTZCamera],
-    views: Sequence[ViewMeasurement],
-    rng: np.random.Generator,
-    appearance: Appearance | None = None,
-) -> Assessment:
-    """Predict, from how the markers look in the scene's light, and measure one configuration."""
-    return Assessment(
-        tuple(cameras),
-        predict(scene, cameras, appearance),
-        measure_configuration(scene, cameras, views, rng),
-        np.array([view.detected.mean(axis=0) for view in views]),
     )

@@ -20,11 +20,10 @@ from pss.visibility.targets import (
     narrow_side_px,
 )
 from render.light.estimated_light import estimated_appearance
-from render.light.exposure import choose_exposure
 from scenes import Scene
 from validate.markers.darkness import white_irradiance
-from validate.points.configuration import predict
 from validate.prediction.own_metrics import OwnScores, own_scores
+from validate.prediction.predict import exposed, predict
 from validate.runs.table_text import written
 
 __all__ = [
@@ -114,10 +113,7 @@ def foresee(scene: Scene) -> Foreseen:
     """What the metric says of all cameras of a scene, in the light as it is estimated."""
     state = scene.state
     look = estimated_appearance(state)
-    if scene.auto_exposure is not None:
-        wish = scene.auto_exposure
-        choice = choose_exposure(look, state.points_m, state.normals, scene.cameras, scene.sensor, wish)
-        scene = scene.with_exposure(choice.exposure_ms)
+    scene = exposed(scene, scene.cameras, look)
     evaluations = predict(scene, scene.cameras, look)
     visible = next(iter(evaluations.values())).visible
     views = Views(scene.cameras, state.points_m, state.normals, look)

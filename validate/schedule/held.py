@@ -21,7 +21,7 @@ from scenes.steps.schedule_file import ScheduleFile
 from validate.acquire.acquire import Acquired, Acquisition
 from validate.bank.judge import CALIBRATED_LIMITS, FULL_MODEL, PHYSICAL_WHOLE, SCALED, scene_contenders
 from validate.bank.predicted import Contender
-from validate.points.configuration import Assessment, Measured, measure_configuration
+from validate.points.configuration import Measured, measure_configuration
 from validate.points.static_filter import Tracked
 from validate.points.triangulate import Triangulated
 from validate.prediction.process_levels import Level
@@ -37,6 +37,7 @@ from validate.schedule.stage import BOTH, Stage
 from validate.schedule.surrogates import avatar_like
 from validate.schedule.training import Training
 from validate.stats.measured_errors import MeasuredErrors
+from validate.sweeps.assessment import Assessment
 from validate.sweeps.rows import pooled
 
 __all__ = ["MODELS", "Design", "Held", "HeldStep", "assess_held", "design_of", "predicted_at", "training_levels"]

@@ -16,10 +16,10 @@ import numpy as np
 from pss.hints import Floats
 from render.random_streams import random_stream
 from scenes import Configuration
-from validate.points.configuration import Assessment
 from validate.schedule.held import MODELS, Held
 from validate.schedule.process_noise import headline_of_walk, inverse_sigma
 from validate.stats.flatness import EXCHANGES
+from validate.sweeps.assessment import Assessment
 from validate.sweeps.replicates import SweepReplicates, sweep_replicates
 from validate.sweeps.sweep import REPLICATES, Plan, SweepResult
 

@@ -16,9 +16,9 @@ from render.store.folder import write_text
 from scenes import Configuration
 from validate.acquire.acquire import Acquired, Acquisition
 from validate.markers.darkness import markers_too_dark
-from validate.points.configuration import Assessment
 from validate.runs.csv_file import csv_text
 from validate.stats.intervals import interval
+from validate.sweeps.assessment import Assessment
 from validate.sweeps.departures import error_budgets, nees
 from validate.sweeps.derived import derived
 from validate.sweeps.sweep import SweepResult

@@ -14,7 +14,7 @@ import numpy as np
 from pss import METRICS
 from pss.hints import Row
 from pss.noise import SCALED_MODELS
-from validate.points.configuration import predict
+from validate.prediction.predict import predict
 from validate.prediction.weights import scaled
 from validate.stats.intervals import interval, weighted_spearman
 from validate.stats.optimum import optimum

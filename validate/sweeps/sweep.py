@@ -16,9 +16,9 @@ from render.random_streams import random_stream
 from scenes import Configuration, Scene, SweepFile
 from validate.acquire.acquire import Acquired, Acquisition, views_of
 from validate.markers.view_measurement import ViewMeasurement
-from validate.points.configuration import Assessment, assess
 from validate.prediction.own_metrics import OwnScores, own_metrics, own_scores
 from validate.stats.flatness import exchanged_ranges
+from validate.sweeps.assessment import Assessment, assess
 from validate.sweeps.replicates import SweepReplicates, sweep_replicates
 
 __all__ = ["Plan", "SweepResult", "assess_sweep", "plan"]
@@ -116,7 +116,7 @@ def assess_sweep(plan: Plan, acquired: Acquired) -> SweepResult:
         # The filter's random numbers belong to the configuration, whatever sweep or order it is met in.
         keys = "+".join(w.request.content for w in wanted)
         rng = random_stream(plan.sweep.seed, keys, "filter")
-        appearance = acquired.appearances.get(state_key(configuration.scene.state))
+        appearance = acquired.appearances[state_key(configuration.scene.state)]
         kept.append(configuration)
         views.append(wanted)
         assessments.append(assess(configuration.scene, configuration.cameras, measurements, rng, appearance))

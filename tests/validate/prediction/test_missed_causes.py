@@ -11,8 +11,8 @@ import scenes
 from pss.visibility.targets import WholeTarget, blur_modules, narrow_side_px
 from render.light.estimated_light import estimated_appearance
 from validate.pages.causes import BLURRED, COVERED, CUT, SMALL, causes, in_words
-from validate.points.configuration import predict
 from validate.prediction.foresight import LARGEST_BLUR_MODULES, SMALLEST_MODULE_PX
+from validate.prediction.predict import predict
 
 # A module's narrow side is taken at the marker's centre there and of its whole outline here: near a limit, and where
 # markers are very oblique, the two may be on different sides of it.

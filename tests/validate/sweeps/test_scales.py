@@ -12,7 +12,7 @@ from pss import Appearance, RandomWalk, evaluate, noise_model
 from pss.visibility.targets import TARGET_VISIBILITY
 from tests.helpers.closet import SCENE, SWEEP
 from tests.helpers.made_up_run import made_up_run
-from validate.points.configuration import predict
+from validate.prediction.predict import predict
 from validate.prediction.weights import scaled
 from validate.sweeps.correlation import correlation_rows
 from validate.sweeps.scale_of_r import SCALES, scale_rows
