@@ -36,7 +36,7 @@ html_static_path = ["_static"]
 html_css_files = ["site.css"]
 highlight_language = "none"
 
-# Links such as scenes.md#looking-at-a-view, as a repository browser makes them.
+# Links such as scenes.md#open-a-view, as a repository browser makes them.
 myst_heading_anchors = 3
 # The notebook is shown with the outputs that it is stored with; a test runs it (docs/notebook.ipynb).
 nb_execution_mode = "off"
