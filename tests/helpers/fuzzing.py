@@ -238,8 +238,8 @@ def read_table(path: Path) -> None:
 
 
 def read_run_file(path: Path) -> None:
-    from validate.commands.report import _run_of
     from validate.comparison.sides import Side
+    from validate.results.remade import _run_of
     from validate.runs.run_file import listed, needed, option
 
     assert Side("a", path.parent, {}).settings() is not None

@@ -15,8 +15,9 @@ from render.store.folder import Store
 from render.store.views import save_view
 from scenes import load_sweep
 from validate.acquire.acquire import Acquired, Acquisition
-from validate.commands.report import of_results, write_report
 from validate.markers.view_measurement import ViewMeasurement
+from validate.pages.data import read_sweeps
+from validate.results.report import of_results, write_report
 from validate.sweeps import claims, correlation, optima, single_step
 from validate.sweeps import rows as tables
 from validate.sweeps.sweep import SweepResult, assess_sweep, plan
@@ -60,7 +61,7 @@ def made_up_run(folder: Path, scene: str, sweeps: dict[str, str]) -> tuple[list[
         ("optima", [row for r in results for row in optima.optimum_rows(r)]),
     ):
         tables.write_csv(out / f"{name}.csv", rows)
-    write_report(out, of_results(results, acquired.measured), store)
+    write_report(out, read_sweeps(out), of_results(results, acquired.measured), store)
     return results, acquired, store
 
 

@@ -12,7 +12,6 @@ import scenes
 from pss import RangeError
 from pss.hints import Row
 from render import backend
-from render.lens.sampling import Sampling
 from render.store.folder import Store, StoreError, write_text
 from render.store.remote import open_store
 from scenes import load_sweep
@@ -26,7 +25,7 @@ from validate.runs.folder_lock import alone_in
 from validate.runs.outputs import check_folders
 from validate.runs.progress import EXPECTED_SECONDS, clock
 from validate.runs.table_text import table_text
-from validate.sweeps.sweep import assess_sweep, plan
+from validate.sweeps.path import assessed, planned, requested_views
 
 __all__ = ["execute"]
 
@@ -60,14 +59,12 @@ def _static(number: int, out: Path, table: str | None, source: ViewSource, dry_r
     from validate.plots.paper_sweeps import SWEEPS, static_figure, static_rows
 
     sweep = load_sweep(SWEEPS[number])
-    planned = plan(
-        sweep, scenes.load(sweep.scene_path), source.renderer, Sampling(noise_ratio=sweep.render_noise_ratio)
-    )
-    wanted = [item for views in planned.views for item in views]
+    plans = planned([(sweep, scenes.load(sweep.scene_path))], source, forecast=dry_run)
+    wanted = requested_views(plans)
     if dry_run:
         _announce(number, wanted, source.store)
         return []
-    result = assess_sweep(planned, _acquired(number, wanted, source))
+    [result] = assessed(plans, _acquired(number, wanted, source))
     return _write(number, out, table, lambda: static_figure(number, result), static_rows(number, result))
 
 

@@ -8,6 +8,7 @@ from scenes.reading.document import named_file
 from validate.acquire.messages import RunMessages
 from validate.commands import run
 from validate.commands.subcommands import Measure
+from validate.results.request import RunRequest
 
 __all__ = ["execute"]
 
@@ -21,7 +22,7 @@ def execute(options: Measure) -> int:
         PSSError: the user's mistake.
     """
     shared = options.run
-    of_run = run.Options(
+    of_run = RunRequest(
         (),
         named_file(options.scene, SCENES, "scene"),
         options.out,

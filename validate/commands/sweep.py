@@ -5,6 +5,7 @@ from __future__ import annotations
 from validate.acquire.messages import RunMessages
 from validate.commands import run
 from validate.commands.subcommands import Sweep
+from validate.results.request import RunRequest
 
 __all__ = ["execute"]
 
@@ -16,7 +17,7 @@ def execute(options: Sweep) -> int:
         PSSError: the user's mistake.
     """
     shared = options.run
-    of_run = run.Options(
+    of_run = RunRequest(
         options.sweeps,
         options.scene,
         options.out,

@@ -13,11 +13,12 @@ from pss.hints import CsvRow, Floats
 from render.store.folder import StoreError
 from validate.pages.columns import Columns, check_counts, is_number, whole_number
 from validate.prediction.own_metrics import OWN_COLUMN
-from validate.runs.csv_file import number_in, read_csv
+from validate.runs.csv_file import number_in
 from validate.runs.csv_rows import all_of
+from validate.runs.saved import SavedRun
 from validate.stats.optimum import FLAT, NO_OPTIMUM, optimum
 
-__all__ = ["KINDS", "MM", "Curve", "Kind", "SweepTable", "needed_tables", "read_sweeps", "table_of"]
+__all__ = ["KINDS", "MM", "Curve", "Kind", "SweepTable", "needed_tables", "read_sweeps", "sweep_tables", "table_of"]
 
 
 NEEDED = ("configurations", "points", "correlation", "claims", "detection", "views")
@@ -209,19 +210,32 @@ class SweepTable:
 
 
 def read_sweeps(folder: Path) -> list[SweepTable]:
-    """The sweeps of a run, from the CSV files in its folder, in the order of the tables.
+    """The sweeps of a finished run, from the CSV files in its folder, in the order of the tables.
 
     Raises:
         StoreError: a table is missing, or holds no row of a configuration.
     """
-    tables = needed_tables(folder, (*NEEDED, *(name for name in OPTIONAL if os.path.lexists(folder / f"{name}.csv"))))
+    optional = (name for name in OPTIONAL if os.path.lexists(folder / f"{name}.csv"))
+    return sweep_tables(needed_tables(folder, (*NEEDED, *optional)), folder)
+
+
+def sweep_tables(tables: Mapping[str, Sequence[CsvRow]], folder: Path) -> list[SweepTable]:
+    """The sweeps of a run, in the order of its tables.
+
+    Args:
+        tables: rows as written, by table.
+        folder: of the run, for messages.
+
+    Raises:
+        StoreError: there is no row of a configuration.
+    """
     names = dict.fromkeys(row["sweep"] for row in tables["configurations"])
     if not names:
         raise StoreError(f"{folder}/configurations.csv has no row; allowed is a run with a configuration that was seen")
     return [table_of(name, {table: _of_sweep(rows, name) for table, rows in tables.items()}) for name in names]
 
 
-def needed_tables(folder: Path, names: Sequence[str]) -> dict[str, list[dict[str, str]]]:
+def needed_tables(folder: Path, names: Sequence[str]) -> dict[str, Sequence[CsvRow]]:
     """The CSV files of a run's folder, by name.
 
     Raises:
@@ -231,7 +245,8 @@ def needed_tables(folder: Path, names: Sequence[str]) -> dict[str, list[dict[str
     missing = [f"{name}.csv" for name in names if not os.path.lexists(folder / f"{name}.csv")]
     if missing:
         raise StoreError(f"{folder} has no {', '.join(missing)}; allowed is a folder that a run has left")
-    tables = {name: read_csv(folder / f"{name}.csv") for name in names}
+    run = SavedRun(folder)
+    tables = {name: run.written(name) for name in names}
     for name in NUMBERS.keys() & tables.keys():
         for row in tables[name]:
             for column in row.keys() & set(NUMBERS[name]):

@@ -7,19 +7,24 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from pss.hints import Pixels
 from render.renderer import RenderedView
 from render.store.folder import Store, atomic_path
 from render.store.views import stored_view
 from validate.acquire.acquire import Acquisition
 from validate.markers.detect import find_markers
+from validate.plots.drawing import plt
 from validate.plots.glyphs import glyph_runs
 from validate.sweeps.sweep import SweepResult
 
-__all__ = ["contact_sheet", "displayed"]
+__all__ = ["captures", "captures_figure", "contact_sheet", "displayed"]
 
+# Dots per inch of a figure.
+DPI = 130
 THUMBNAIL_PX = 420
 MOST_COLUMNS, MOST_ROWS = 4, 3
 GREEN, WHITE, BLACK = (80, 220, 60), (255, 255, 255), (0, 0, 0)
@@ -33,7 +38,34 @@ def displayed(capture_dn: NDArray[np.uint16], black_level_dn: int) -> NDArray[np
 
 
 def contact_sheet(path: Path, result: SweepResult, store: Store) -> Path:
-    """Write the captures of the varied cameras (rows) over a few steps of the sweep (columns).
+    """Write the picture of a sweep's captures (`captures`); the path.
+
+    Raises:
+        DamagedViewError: a view is not in the store, or was found damaged and set aside.
+    """
+    sheet = captures(result, store)
+    with atomic_path(path) as temporary:
+        cv2.imwrite(str(temporary), sheet)
+    return path
+
+
+def captures_figure(result: SweepResult, store: Store) -> Figure:
+    """The same picture as a figure, a pixel for each of its own.
+
+    Raises:
+        DamagedViewError: a view is not in the store, or was found damaged and set aside.
+    """
+    sheet = captures(result, store)
+    height, width = sheet.shape[:2]
+    figure = plt.figure(figsize=(width / DPI, height / DPI), dpi=DPI)
+    axes = figure.add_axes((0, 0, 1, 1))
+    axes.imshow(sheet[..., ::-1])  # OpenCV's channels are blue, green, red
+    axes.set_axis_off()
+    return figure
+
+
+def captures(result: SweepResult, store: Store) -> Pixels:
+    """The captures of the varied cameras (rows) over a few steps (columns): BGR, (height, width, 3).
 
     Raises:
         DamagedViewError: a view is not in the store, or was found damaged and set aside.
@@ -58,9 +90,7 @@ def contact_sheet(path: Path, result: SweepResult, store: Store) -> Path:
         for r, picture in enumerate(column):
             top, left = r * (height + 6), c * (width + 6)
             sheet[top : top + picture.shape[0], left : left + picture.shape[1]] = picture
-    with atomic_path(path) as temporary:
-        cv2.imwrite(str(temporary), sheet)
-    return path
+    return sheet
 
 
 def _cameras_to_show(result: SweepResult) -> set[str] | None:

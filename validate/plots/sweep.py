@@ -17,7 +17,7 @@ from pss.hints import Floats
 from pss.json_text import json_text
 from render.code_digest import code_of
 from render.store.folder import Store, atomic_path
-from validate.plots.contact_sheet import contact_sheet
+from validate.plots.contact_sheet import captures_figure, contact_sheet
 from validate.plots.drawing import plt
 from validate.plots.glyphs import settle_words
 from validate.plots.names_beside import shortened, width_of
@@ -41,6 +41,7 @@ __all__ = [
     "all_drawn",
     "draw_all",
     "draw_curves",
+    "figures_of",
     "points_figure",
     "shown_steps",
     "source_of",
@@ -96,15 +97,32 @@ def draw_all(folder: Path, results: Sequence[SweepResult], store: Store) -> list
             continue
         name = result.plan.sweep.name
         curves, points, captures = (folder / "figures" / figure_file(name, suffix) for suffix in FIGURES)
-        first = measurement_figure(result) if is_measurement(result) else sweep_figure(result)
-        for path, figure in ((curves, first), (points, points_figure(result))):
-            settle_words(figure)
+        for path, figure in zip((curves, points), _drawn(result), strict=True):
             with atomic_path(path) as temporary:
                 figure.savefig(temporary, dpi=DPI, format="png")
             plt.close(figure)
             drawn.append(path)
         drawn.append(contact_sheet(captures, result, store))
     return drawn
+
+
+def figures_of(result: SweepResult, store: Store) -> list[tuple[str, Figure]]:
+    """The figures of a sweep as `draw_all` writes them, each with its file's name without `.png`.
+
+    Raises:
+        DamagedViewError: a view is not in the store, or was found damaged and set aside.
+    """
+    names = (figure_file(result.plan.sweep.name, suffix).removesuffix(".png") for suffix in FIGURES)
+    return list(zip(names, (*_drawn(result), captures_figure(result, store)), strict=True))
+
+
+def _drawn(result: SweepResult) -> tuple[Figure, Figure]:
+    """Curves, or what replaces them for one step, and points."""
+    curves = measurement_figure(result) if is_measurement(result) else sweep_figure(result)
+    points = points_figure(result)
+    for figure in (curves, points):
+        settle_words(figure)
+    return curves, points
 
 
 def sweep_figure(result: SweepResult) -> Figure:

@@ -9,7 +9,7 @@ from pathlib import Path
 from render.store.folder import Store, StoreError
 from render.store.remote import is_address
 
-__all__ = ["check_folders", "check_outputs", "linked_views"]
+__all__ = ["ENDINGS", "FOLDERS", "check_folders", "check_outputs", "link", "linked_views"]
 
 FOLDERS = ("views", "figures", "trajectories")
 """Folders in those of results, by the names that all commands have for them."""
@@ -56,12 +56,20 @@ def check_outputs(folder: Path) -> None:
 
 def linked_views(folder: Path, keys: Iterable[str], store: Store) -> None:
     """Point `views/` of a run's folder into the store."""
-    views = folder / "views"
-    views.mkdir(parents=True, exist_ok=True)
+    (folder / "views").mkdir(parents=True, exist_ok=True)
     for key in dict.fromkeys(keys):
-        link, target = views / f"{key}.exr", store.view(key)
-        if link.is_dir() and not link.is_symlink():
-            raise StoreError(f"{link} is a folder; allowed is a file in its place, or nothing")
-        if link.is_symlink() or link.exists():
-            link.unlink()
-        link.symlink_to(os.path.relpath(target, views))
+        link(folder / "views" / f"{key}.exr", store.view(key))
+
+
+def link(path: Path, target: Path) -> None:
+    """Have `path` point to a file, by a relative link.
+
+    Raises:
+        StoreError: a folder is in its place.
+    """
+    if path.is_dir() and not path.is_symlink():
+        raise StoreError(f"{path} is a folder; allowed is a file in its place, or nothing")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.is_symlink() or path.exists():
+        path.unlink()
+    path.symlink_to(os.path.relpath(target, path.parent))

@@ -16,7 +16,7 @@ from render.store.folder import write_text
 from scenes import Configuration
 from validate.acquire.acquire import Acquired, Acquisition
 from validate.markers.darkness import markers_too_dark
-from validate.runs.csv_file import csv_text
+from validate.runs.tables import as_written, table_file
 from validate.stats.intervals import interval
 from validate.sweeps.assessment import Assessment
 from validate.sweeps.departures import error_budgets, nees
@@ -37,20 +37,11 @@ __all__ = [
 
 THIS_RUN, ANOTHER_RUN = "this run", "another run"
 THRESHOLDS_MM = (1, 2, 5, 10)
-# Digits that tell any two measured numbers apart, and few enough for a person.
-DIGITS = 7
 
 
 def write_csv(path: Path, rows: Sequence[Mapping[str, object]]) -> None:
     """Write rows with the first row's keys as the head; nan is an empty field."""
-    head = list(rows[0]) if rows else []
-    write_text(path, csv_text(head, ([_field(row[key]) for key in head] for row in rows)) if rows else "")
-
-
-def _field(value: object) -> object:
-    if isinstance(value, float | np.floating):
-        return "" if math.isnan(value) else f"{float(value):.{DIGITS}g}"
-    return value
+    write_text(path, table_file(as_written(rows)))
 
 
 def pooled(rms: Floats, points: NDArray[np.bool_]) -> float:

@@ -23,7 +23,6 @@ from render.world.state import Room
 from tests.helpers.closet import RISING, SCENE, SELECTION
 from tests.helpers.made_up_run import made_up_run
 from tests.helpers.pages import SAME_DIGITS, Page
-from validate.commands.report import of_results, remade
 from validate.markers.view_measurement import ViewMeasurement
 from validate.pages.budget import budget_columns
 from validate.pages.data import KINDS, read_sweeps
@@ -37,6 +36,8 @@ from validate.pages.space import scene_columns
 from validate.pages.steps import sight_of, steps_of_plan
 from validate.pages.style import PURPLE_ORANGE, model_style, object_styles
 from validate.prediction.frusta import frustum
+from validate.results.remade import remade
+from validate.results.report import of_results
 from validate.sweeps.rows import write_csv
 
 # Numbers of a figure have four.

@@ -12,8 +12,8 @@ from render.store.folder import StoreError
 from scenes import load_sweep
 from tests.helpers.closet import SCENE, SWEEP
 from validate.commands import command_line
-from validate.commands.report import remade
 from validate.pages.named import DEFAULT_STORE, Given
+from validate.results.remade import remade
 
 ADDRESS = "s3://somebody/collects/who-opens-this"
 

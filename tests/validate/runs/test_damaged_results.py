@@ -13,8 +13,8 @@ from pss.files import open_plain, read_toml
 from pss.surrogates import Mesh
 from render.store.folder import StoreError
 from tests.helpers.strict_json import strict
-from validate.commands.run import _of_last_run
 from validate.pages.columns import Columns, check_counts, whole_number
+from validate.results.result import _of_last_run
 from validate.run_sweep import main
 from validate.runs.csv_file import number_in, read_csv, read_head
 from validate.runs.events import EVENTS, EventFile

@@ -7,7 +7,8 @@ import pytest
 from render.store.folder import Store, StoreError, write_text
 from validate.acquire.messages import RunMessages
 from validate.acquire.source import ViewSource
-from validate.commands.run import Options, execute
+from validate.commands.run import execute
+from validate.results.request import RunRequest
 from validate.run_sweep import main
 from validate.runs.outputs import FOLDERS, check_folders, check_outputs, linked_views
 
@@ -48,7 +49,7 @@ def test_a_run_ends_before_it_renders(tmp_path, monkeypatch):
     monkeypatch.setattr(ViewSource, "acquire", lambda *all_of_it: pytest.fail("rendered"))
     (tmp_path / "report.html").mkdir()
     with pytest.raises(StoreError, match=r"report\.html is a folder"), RunMessages(quiet=True) as messages:
-        execute(Options(("zoom",), out=tmp_path, store=str(tmp_path / "store")), messages)
+        execute(RunRequest(("zoom",), out=tmp_path, store=str(tmp_path / "store")), messages)
     assert [path.name for path in tmp_path.iterdir()] == ["report.html"]
 
 

@@ -18,7 +18,6 @@ from scenes.steps.schedule_file import load_schedule
 from tests.helpers.layout_of_words import assert_words_are_legible
 from tests.helpers.made_up_schedule import STEPS, made_up_schedule
 from tests.helpers.pages import SAME_DIGITS, Page
-from validate.commands.report import remade
 from validate.pages.bodies import coarse
 from validate.pages.data import KINDS
 from validate.pages.figure import combinations, filled
@@ -26,6 +25,7 @@ from validate.pages.section import KIND_CHOICE
 from validate.plots.glyphs import settle_words
 from validate.plots.paper_walk import walk_figure
 from validate.plots.print_style import print_style
+from validate.results.remade import remade
 from validate.schedule_pages.page import schedule_section
 from validate.schedule_pages.sentences import claims_in_brief
 from validate.schedule_pages.steps import steps_of_design

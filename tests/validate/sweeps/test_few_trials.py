@@ -15,10 +15,11 @@ from tests.helpers.closet import SCENE, SWEEP
 from tests.helpers.made_up_run import made_up_run
 from validate.acquire.messages import RunMessages
 from validate.bank.design import BankDesign
-from validate.commands.run import Options, execute
+from validate.commands.run import execute
 from validate.pages.data import read_sweeps
 from validate.pages.sentences import in_words
 from validate.plots.sweep import draw_curves
+from validate.results.request import RunRequest
 from validate.runs.console import Console
 from validate.sweeps.correlation import correlation_rows
 from validate.sweeps.rows import configuration_rows
@@ -74,6 +75,6 @@ def test_what_two_trials_cannot_give_is_empty(runs):
 def test_one_trial_is_refused_with_the_reason(tmp_path):
     """By sweeps and by banks, before anything is rendered."""
     with pytest.raises(RangeError, match=r"--trials 1; allowed: 2 or more \(one has no spread\)"):
-        execute(Options(("zoom",), trials=1, out=tmp_path), RunMessages(quiet=True))
+        execute(RunRequest(("zoom",), trials=1, out=tmp_path), RunMessages(quiet=True))
     with pytest.raises(RangeError, match=r"--trials 1; allowed: 2 or more"):
         BankDesign(trials=1)

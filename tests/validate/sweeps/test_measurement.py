@@ -22,14 +22,14 @@ from tests.helpers.made_up_run import PIXEL_NOISE_PX, made_up_run
 from tests.helpers.pages import Page
 from tests.helpers.predicted_result import predicted_result
 from validate.commands import measure
-from validate.commands.report import of_results
-from validate.commands.run import Options
 from validate.pages.data import read_sweeps
 from validate.pages.figure import combinations, filled
 from validate.pages.measured import marker_rows, measured_in_words
 from validate.pages.section import KIND_CHOICE, section_of
 from validate.pages.steps import steps_of_plan
 from validate.plots.single_step import draw_errors, measurement_figure
+from validate.results.report import of_results
+from validate.results.request import RunRequest
 from validate.run_sweep import main
 from validate.runs.input_files import load_measurement_of
 from validate.stats.intervals import interval
@@ -223,8 +223,8 @@ def test_mistakes_are_one_line(closet, cameras, overrides, words):
 
 def test_results_of_a_scene_and_of_a_sweep_of_its_name_are_apart(closet):
     """By themselves, results/measure/closet."""
-    assert Options((), closet, cameras=()).folder.parts == ("results", "measure", "closet")
-    assert Options(("closet.toml",)).folder.parts == ("results", "closet")
+    assert RunRequest((), closet, cameras=()).folder.parts == ("results", "measure", "closet")
+    assert RunRequest(("closet.toml",)).folder.parts == ("results", "closet")
 
 
 def test_a_dry_run_of_the_command(closet, tmp_path, capsys):
