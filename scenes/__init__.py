@@ -1,4 +1,4 @@
-"""Scenes and sweeps: what a TOML file may say, and the project's objects made of it.
+"""Scenes, sweeps and schedules: the format of their TOML files, and the objects built from them.
 
 `load` and `load_sweep` report every problem of a file at once, as one `SceneError` with a line for each.
 """

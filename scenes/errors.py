@@ -1,4 +1,4 @@
-"""What is wrong with a scene or sweep file, collected so that the user sees every problem at once."""
+"""Problems of a scene or sweep file, collected so that all of them are reported at once."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ __all__ = ["Location", "Problems", "SceneError", "allowed_in", "dotted", "neares
 Location = tuple[str | int, ...]
 """Keys and list indices from the top of a document, such as ("cameras", 1, "zoom")."""
 
-# A longer value would push what is allowed out of sight.
+# A longer value would hide the rest of the message.
 LONGEST_VALUE = 70
-# More lines than anybody reads; a file of half a megabyte can have a hundred thousand mistakes.
+# More lines than can be read; a file of half a megabyte can have a hundred thousand mistakes.
 MOST_PROBLEMS = 200
 
 ABSENT = object()
 
 
 class SceneError(PSSError, ValueError):
-    """A scene or sweep file that cannot be used; `problems` has one line for each thing to mend."""
+    """A scene or sweep file with problems; `problems` has one line for each."""
 
     def __init__(self, problems: Iterable[str]) -> None:
         self.problems: list[str] = [_printable(problem) for problem in problems]
@@ -46,11 +46,11 @@ class Problems:
         self._suggested: set[Location] = set()
 
     def given(self, location: Location) -> bool:
-        """Whether the document says something at `location`."""
+        """Whether the document has a value at `location`."""
         return _value_at(self.document, location) is not ABSENT
 
     def add(self, location: Location, allowed: str, *, value: object = ABSENT) -> None:
-        """Report what stands at `location` (or `value`, a part of it); a key that is not there is reported missing."""
+        """Report the value at `location` (or `value`, a part of it); a nonexistent key is reported as missing."""
         if len(self.lines) > MOST_PROBLEMS:
             return
         if value is ABSENT:
@@ -58,29 +58,29 @@ class Problems:
         key = dotted(location, self.document)
         if value is not ABSENT:
             mark = " (override)" if location in self.overridden else ""
-            self.say(f"{key} = {shown(value)}{mark}; allowed: {allowed}")
+            self.report(f"{key} = {shown(value)}{mark}; allowed: {allowed}")
         elif location not in self._suggested:
-            self.say(f"{key} is missing; allowed: {allowed}")
+            self.report(f"{key} is missing; allowed: {allowed}")
 
     def unknown_key(self, location: Location, allowed: Sequence[str]) -> None:
-        """Report a key that has no meaning, with the nearest one that has."""
+        """Report an unknown key, with the nearest known one."""
         if len(self.lines) > MOST_PROBLEMS:
             return
-        # A misspelt key is one mistake, although its right spelling is then missing too: one line for both.
+        # A misspelt key is one mistake, although the correct key is then missing too: one line for both.
         hint, guess = nearest(str(location[-1]), allowed)
         if guess:
             self._suggested.add((*location[:-1], guess))
         value = _value_at(self.document, location)
-        said = "" if value is ABSENT else f" = {shown(value)}"
-        self.say(f"{dotted(location, self.document)}{said}; unknown key{hint}; allowed: {', '.join(allowed)}")
+        assignment = "" if value is ABSENT else f" = {shown(value)}"
+        self.report(f"{dotted(location, self.document)}{assignment}; unknown key{hint}; allowed: {', '.join(allowed)}")
 
     def removed_key(self, location: Location, reason: str) -> None:
-        """Report a key that had a meaning once."""
+        """Report a key of earlier versions."""
         value = shown(_value_at(self.document, location))
-        self.say(f"{dotted(location, self.document)} = {value}; the key was removed: {reason}; delete it")
+        self.report(f"{dotted(location, self.document)} = {value}; the key was removed: {reason}; delete it")
 
-    def say(self, text: str) -> None:
-        """Add a line about the file, once; of very many only the first."""
+    def report(self, text: str) -> None:
+        """Add a line about the file, once; of very many lines, only the first."""
         line = f"{self.file}: {text}"
         if len(self.lines) == MOST_PROBLEMS:
             line = f"{self.file}: there are more problems; these are the first {MOST_PROBLEMS}"
@@ -88,48 +88,48 @@ class Problems:
             self.lines.append(line)
 
     def warn(self, location: Location, text: str) -> None:
-        """Note what is accepted at `location`, but not as the user may think."""
-        said = f"{dotted(location, self.document)} = {shown(_value_at(self.document, location))}"
-        line = _printable(f"{self.file}: warning: {said}; {text}")
+        """Add a warning about a value that is accepted but may not have the intended effect."""
+        entry = f"{dotted(location, self.document)} = {shown(_value_at(self.document, location))}"
+        line = _printable(f"{self.file}: warning: {entry}; {text}")
         if line not in self.warnings and len(self.warnings) < MOST_PROBLEMS:
             self.warnings.append(line)
 
     def raise_if_any(self) -> None:
-        """Raise all that was collected as one `SceneError`."""
+        """Raise all problems as one `SceneError`."""
         if self.lines:
             raise SceneError(self.lines)
 
 
-def nearest(word: str, known: Iterable[str]) -> tuple[str, str]:
-    """The text `, did you mean "…"?` and the known word nearest to `word`; both empty if none is near."""
-    close = difflib.get_close_matches(word, list(known), n=1)
+def nearest(name: str, known: Iterable[str]) -> tuple[str, str]:
+    """The text `, did you mean "…"?` and the known name nearest to `name`; both empty if none is near."""
+    close = difflib.get_close_matches(name, list(known), n=1)
     return (f', did you mean "{close[0]}"?', close[0]) if close else ("", "")
 
 
 def allowed_in(error: Exception) -> str:
-    """What is allowed, out of the message of a `pss.RangeError` ("name = value; allowed: …")."""
+    """What is allowed, from the message of a `pss.RangeError` ("name = value; allowed: …")."""
     return str(error).rpartition("allowed: ")[2]
 
 
 def shown(value: object) -> str:
-    """A value as the user would write it in the file, shortened."""
-    text = _written(value)
+    """A value as in the file, shortened."""
+    text = _as_toml(value)
     return text if len(text) <= LONGEST_VALUE else text[: LONGEST_VALUE - 1] + "…"
 
 
-def _written(value: object) -> str:
+def _as_toml(value: object) -> str:
     if isinstance(value, float):
         return repr(value)
     if isinstance(value, list | tuple):
-        return f"[{', '.join(_written(item) for item in value)}]"
+        return f"[{', '.join(_as_toml(item) for item in value)}]"
     if isinstance(value, dict):
-        items = (f"{json.dumps(str(key), ensure_ascii=False)}: {_written(item)}" for key, item in value.items())
+        items = (f"{json.dumps(str(key), ensure_ascii=False)}: {_as_toml(item)}" for key, item in value.items())
         return f"{{{', '.join(items)}}}"
     return json.dumps(value, default=str, ensure_ascii=False)
 
 
 def dotted(location: Location, document: object) -> str:
-    """The dotted key of `location`: items of a list go by their name, or by their number from #1 if they have none."""
+    """The dotted key of `location`: items of a list by their name, or by their number from #1 without one."""
     parts, here = [], document
     for step in location:
         part = item_label(here, step) if isinstance(step, int) else step
@@ -139,14 +139,14 @@ def dotted(location: Location, document: object) -> str:
 
 
 def item_label(items: object, index: int) -> str:
-    """How the item at `index` of a list is addressed: by its name if that is its alone, else "#1", "#2", …"""
+    """Label of the item at `index` of a list: its name if it is unique, else "#1", "#2", …"""
     names = [item.get("name") if isinstance(item, dict) else None for item in items] if isinstance(items, list) else []
     name = names[index] if index < len(names) else None
     return name if isinstance(name, str) and names.count(name) == 1 else f"#{index + 1}"
 
 
 def _printable(text: str) -> str:
-    """`text` in one line: what would break it, or speak to the terminal, as an escape."""
+    """`text` in one line, with escapes for characters that would break it or control the terminal."""
     if text.isprintable():
         return text
     return "".join(char if char.isprintable() else char.encode("unicode_escape").decode() for char in text)

@@ -1,4 +1,4 @@
-"""Meshes and backdrops out of their files: read, posed in the room, and judged."""
+"""Meshes and backdrops from files: reading, posing in the room, and checks."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from scenes.reading.inside import may_open
 from scenes.schema.meshes import BackdropSpec, MeshSpec
 from scenes.schema.scene_tables import SceneSpec
 
-__all__ = ["holds", "posed", "read_files"]
+__all__ = ["contains", "posed", "read_files"]
 
 
 # More faces take minutes to light and a second to hash.
 MOST_FACES = 200_000
-# Of all meshes of a scene together: each is read, and asked what it hides.
+# Of all meshes of a scene together: each is read, and tested for occlusion.
 MOST_FACES_IN_ALL = 1_000_000
-# What is wider than this, or than the room, was most likely drawn in millimetres.
+# A mesh wider than this, or than the room, is most likely in millimetres.
 WIDEST_M = 20.0
 
 
 def read_files(draft: SceneSpec, folder: Path, problems: Problems, *, allow_outside: bool = False) -> None:
-    """Read every file that `draft` names, from `folder`, and keep what is in it beside its key.
+    """Read every file that `draft` references, from `folder`, and store its contents beside its key.
 
     Files outside `folder` are problems, unless `allow_outside`.
     """
@@ -60,7 +60,7 @@ def posed(
     tilt_deg: float = 0.0,
     roll_deg: float = 0.0,
 ) -> Mesh:
-    """A copy rolled about its own y axis (its top to the right), tilted (its +y upwards), turned and moved."""
+    """A copy rolled about its own y axis (its top to the right), tilted (its +y upwards), panned and moved."""
     tilt, roll = math.radians(tilt_deg), math.radians(roll_deg)
     tilted = np.array([[1, 0, 0], [0, math.cos(tilt), -math.sin(tilt)], [0, math.sin(tilt), math.cos(tilt)]])
     rolled = np.array([[math.cos(roll), 0, math.sin(roll)], [0, 1, 0], [-math.sin(roll), 0, math.cos(roll)]])
@@ -68,10 +68,10 @@ def posed(
     return turned.moved(position_m, turn_deg)
 
 
-def holds(mesh: Mesh, point_m: Floats) -> bool:
-    """Whether a point (3,) is inside the closed pieces of `mesh`: their faces fill more than half of its view.
+def contains(mesh: Mesh, point_m: Floats) -> bool:
+    """Whether a point (3,) is inside the closed pieces of `mesh`: their faces cover more than half of its view.
 
-    Each face's solid angle by van Oosterom and Strackee; those of a closed surface sum to 4π inside and 0 outside.
+    Solid angles of the faces by van Oosterom and Strackee; those of a closed surface sum to 4π inside and 0 outside.
     """
     sides = skin(mesh)
     a, b, c = np.moveaxis(sides.corners_m[~sides.open_faces] - point_m, 1, 0)
@@ -82,7 +82,7 @@ def holds(mesh: Mesh, point_m: Floats) -> bool:
 
 
 def _read_mesh(item: MeshSpec, place: Location, draft: SceneSpec, folder: Path, problems: Problems) -> int:
-    """How many faces the file has, 0 if it cannot be read."""
+    """Number of faces in the file, 0 if it cannot be read."""
     path = folder / str(item.file)
     if not os.path.isfile(path):
         problems.add((*place, "file"), "the path of a mesh (GLB, OBJ, PLY, STL, OFF), from this file; there is none")
@@ -90,7 +90,7 @@ def _read_mesh(item: MeshSpec, place: Location, draft: SceneSpec, folder: Path, 
     try:
         mesh = Mesh.from_file(path, name=item.name or "", scale=item.scale or 1.0)
     except PSSError as error:
-        # The path stands before it already.
+        # The message has the path already.
         reason = str(error).replace(f"{str(path)!r} ", "")
         problems.add((*place, "file"), f"a mesh with triangles (GLB, OBJ, PLY, STL, OFF); this {reason}")
         return 0
@@ -107,7 +107,7 @@ def _read_mesh(item: MeshSpec, place: Location, draft: SceneSpec, folder: Path, 
 
 
 def _fits(vertices_m: Floats, place: Location, draft: SceneSpec, problems: Problems) -> bool:
-    """Whether something is not as large as if its millimetres were taken for metres."""
+    """Whether a mesh is small enough, which one in millimetres read as metres is not."""
     room = draft.room
     sides = [] if room is None else [room.width_m, room.length_m, room.height_m]
     widest = WIDEST_M if None in sides or not sides else min(WIDEST_M, max(sides))

@@ -1,4 +1,4 @@
-"""A scene file as the project's own objects: cameras, sensor, scene state, process and noise models."""
+"""A scene as the project's objects: cameras, sensor, scene state, process and noise models."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from render.light.exposure import AutoExposure
 from render.world.state import Light, Marker, MarkerPrint, Motion, Panel, Room, SceneObject, SceneState
 from scenes.errors import Problems, SceneError, nearest
 from scenes.markers.layout import markers_on, placed_marker, plate_side_m
-from scenes.markers.suit import worn_by
+from scenes.markers.suit import avatar_markers
 from scenes.mesh_file import read_files
 from scenes.people.avatar import walking
 from scenes.reading.document import SWEEP_PREFIX, apply_overrides, named_file, read_toml, set_value
@@ -55,18 +55,18 @@ __all__ = ["Scene", "load"]
 
 @dataclass(frozen=True)
 class Scene:
-    """What a scene file describes.
+    """A scene: everything that a scene file describes.
 
     Attributes:
         path: of the file.
         state: room, light, objects and markers.
         cameras: with their settings, in the file's order.
-        sensor: the one that all cameras have; with `auto_exposure` its exposure is no more than the longest allowed.
-        process: how the points of interest move.
-        noise_models: the R_k whose predictions a run compares, with the sensor's own dark noise.
-        visibility: the tests that a marker must pass to count as seen in a prediction.
-        warnings: what was accepted but may not be as the user thinks, a line each.
-        auto_exposure: what the exposure is yet to be chosen for (`with_exposure`); None if the file says a number.
+        sensor: the image sensor of all cameras; with `auto_exposure`, at the longest allowed exposure.
+        process: motion model of the points of interest.
+        noise_models: the models of R_k whose predictions a run compares, with the sensor's dark noise.
+        visibility: the tests that a marker must pass to count as visible in a prediction.
+        warnings: accepted values that may not have the intended effect, a line each.
+        auto_exposure: target of the automatic exposure (`with_exposure`); None if the file has a number.
     """
 
     path: Path
@@ -82,10 +82,10 @@ class Scene:
     _allow_outside: bool = field(default=False, repr=False)
 
     def camera(self, name: str) -> PTZCamera:
-        """The camera called `name`.
+        """The camera with this name.
 
         Raises:
-            SceneError: there is none; the message lists those there are.
+            SceneError: there is none; the message lists the existing ones.
         """
         names = [camera.name for camera in self.cameras]
         if name not in names:
@@ -97,7 +97,7 @@ class Scene:
         """The cameras of these names, in this order.
 
         Raises:
-            SceneError: no name, a name twice, or one that no camera has; the message lists the cameras there are.
+            SceneError: no name, a name twice, or an unknown one; the message lists the existing cameras.
         """
         cameras = tuple(self.camera(name) for name in names)
         repeated = next((name for name in names if names.count(name) > 1), None)
@@ -108,27 +108,27 @@ class Scene:
         return cameras
 
     def noise_model(self, name: str) -> NoiseModel:
-        """R_k by name, whether `noise.models` has it or not: with the scene's sensor, switches, weights and scale."""
+        """R_k by name, also beyond `noise.models`: with the scene's sensor, switches, weights and scale."""
         return named_model(name, self._spec.noise, self.path.parent, self.sensor)
 
     @property
     def widest_f_number(self) -> float:
-        """The smallest f-number that the lens has."""
+        """The smallest f-number of the lens."""
         return self._spec.lens.widest_f_number
 
     def appearance(self) -> Appearance:
-        """How the markers look, for `pss.evaluate(…, appearance=…)`: what "physical" and calibrated models ask for.
+        """The markers' appearance for `pss.evaluate(…, appearance=…)`, as needed by "physical" and calibrated models.
 
-        The lamps' own light is exact, shadows included; what surfaces send back is estimated, as `check` does, so that
-        nothing has to be solved. A run predicts with its solved light.
+        The lamps' direct light is exact, including shadows; light reflected by surfaces is estimated, as in `check`, so
+        that no light has to be solved. A run predicts with its solved light.
         """
-        # It loads what draws markers, which scenes need not otherwise.
+        # Imports the code that draws markers, which scenes do not need otherwise.
         from render.light.estimated_light import estimated_appearance
 
         return estimated_appearance(self.state)
 
     def with_exposure(self, exposure_ms: float) -> Scene:
-        """The same scene at this exposure, as if its file said the number."""
+        """The same scene with this exposure, in ms, as a number in its file."""
         chosen = {"exposure_ms": exposure_ms, "auto_exposure_share": None, "longest_exposure_ms": None}
         spec = self._spec.model_copy(update={"sensor": self._spec.sensor.model_copy(update=chosen)})
         sensor = _sensor(spec)
@@ -142,7 +142,7 @@ class Scene:
         )
 
     def with_settings(self, settings: Mapping[str, object]) -> Scene:
-        """The same scene as if its file said these values at these dotted keys ("sensor.exposure_ms": 8.0).
+        """The same scene with these values at these dotted keys of its file ("sensor.exposure_ms": 8.0).
 
         Raises:
             SceneError: with every problem, a line each.
@@ -160,15 +160,15 @@ class Scene:
 def load(name_or_path: str | Path, overrides: Iterable[str] = (), *, allow_outside: bool = False) -> Scene:
     """The scene in a TOML file, after `overrides` such as "cameras.2.zoom=4".
 
-    Items of a list are addressed by name, or by number from "#1" if they have none. Overrides that begin with "sweep."
-    belong to the sweep file and are passed over, so that one list of them can be given to both.
+    Items of a list are addressed by name, or by number from "#1" without one. Overrides that begin with "sweep." belong
+    to the sweep file and are ignored here, so that the same list can be passed to both.
 
     Args:
         name_or_path: the path of a file that ends in .toml, or the name of a scene that comes with the project, such as
             "room".
-        overrides: "key=value", the key dotted, the value as TOML writes it; text needs no quotes.
-        allow_outside: whether the file, and a backdrop that it names, may name files outside its folder, symbolic links
-            followed; if not, each is a problem.
+        overrides: "key=value", with a dotted key and the value in TOML; text needs no quotes.
+        allow_outside: whether the file, and a backdrop in it, may reference files outside its folder, symbolic links
+            resolved; if not, each is a problem.
 
     Raises:
         SceneError: with every problem of the file and the overrides, a line each.
@@ -180,7 +180,7 @@ def load(name_or_path: str | Path, overrides: Iterable[str] = (), *, allow_outsi
 
 
 def _scene(path: Path, problems: Problems, allow_outside: bool) -> Scene:
-    """The scene of a document, all of whose problems are raised."""
+    """The scene of a document, after raising all of its problems."""
     start_from_named_sensor(problems)
     spec, draft = validate(SceneSpec, problems.document, problems)
     read_files(draft, path.parent, problems, allow_outside=allow_outside)
@@ -192,7 +192,7 @@ def _scene(path: Path, problems: Problems, allow_outside: bool) -> Scene:
     sensor = _sensor(spec)
     return Scene(
         path=path,
-        # No problem, so the draft is the same, with what its files hold.
+        # Without problems the draft is the same, with the contents of its files.
         state=_state(draft),
         cameras=tuple(_camera(camera, spec) for camera in spec.cameras),
         sensor=sensor,
@@ -215,7 +215,7 @@ def _state(spec: SceneSpec) -> SceneState:
         if isinstance(item, MeshSpec):
             markers += item._spread
         elif isinstance(item, AvatarSpec):
-            markers += [marker for marker in worn_by(item, side_modules) if marker is not None]
+            markers += [marker for marker in avatar_markers(item, side_modules) if marker is not None]
         elif layout is not None:
             markers += markers_on(shape, layout)
     markers += [marker for placed in spec.markers.placed if (marker := placed_marker(placed)) is not None]
@@ -250,17 +250,17 @@ def _light(spec: LightSpec) -> Light:
 
 
 def _sensor(spec: SceneSpec) -> ImageSensor:
-    # Resolution and pitch of the pixels are geometry: the cameras carry them.
-    said = spec.sensor.model_dump(include={item.name for item in dataclasses.fields(ImageSensor)})
+    # Resolution and pitch of the pixels are geometry, and belong to the cameras.
+    values = spec.sensor.model_dump(include={item.name for item in dataclasses.fields(ImageSensor)})
     auto = _auto_exposure(spec)
-    return ImageSensor(**(said if auto is None else said | {"exposure_ms": auto.longest_ms}))
+    return ImageSensor(**(values if auto is None else values | {"exposure_ms": auto.longest_ms}))
 
 
 def _auto_exposure(spec: SceneSpec) -> AutoExposure | None:
     if spec.sensor.exposure_ms != "auto":
         return None
-    said = {"share": spec.sensor.auto_exposure_share, "longest_ms": spec.sensor.longest_exposure_ms}
-    return AutoExposure(**{name: value for name, value in said.items() if value is not None})
+    values = {"share": spec.sensor.auto_exposure_share, "longest_ms": spec.sensor.longest_exposure_ms}
+    return AutoExposure(**{name: value for name, value in values.items() if value is not None})
 
 
 def _noise_models(spec: SceneSpec, folder: Path, sensor: ImageSensor) -> tuple[NoiseModel, ...]:

@@ -1,1 +1,1 @@
-"""Where markers are on objects, meshes and people, and whether their plates have room there."""
+"""Placement of markers on objects, meshes and people, and checks of the space for their plates."""

@@ -1,4 +1,4 @@
-"""Where markers lie on an object: plates, their corners, and whether two of them get in each other's way."""
+"""Layout of markers on an object: plates, their corners, and overlaps."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ __all__ = [
 ]
 
 
-# A plate in the very surface it is glued to would be hit by half of the rays only; 0.5 mm is stout paper.
+# Only half of the rays would hit a plate coplanar with its surface; 0.5 mm is strong paper.
 PLATE_OFFSET_M = 0.5e-3
-# Straight above the pole of a ball no tangent is nearer to "up" than another.
+# At the pole of a ball no tangent is nearer to "up" than another.
 POLE_SINE = 1e-6
-# Plates that share an edge, as those of a full grid do, don't overlap.
+# Plates that share an edge, as in a full grid, do not overlap.
 TOUCHING = 1e-9
-# Plates on flat faces count as neighbours if they lie in one plane as far as this.
+# Plates on flat faces count as neighbours if they are coplanar within this distance.
 SAME_PLANE_M = 0.01
-# What the user is told about the largest module is rounded down to this.
+# The largest module in a message is rounded down to this.
 MODULE_STEP_M = 1e-6
 MODULE_STEP_SHARE = 1e-9
 
 
 def plate_side_m(module_m: float, dictionary: Dictionary, quiet_zone_modules: float) -> float:
-    """Metres, side of the plate that carries a marker with its white margin."""
+    """Metres, side of the plate of a marker with its white margin."""
     return module_m * (dictionary.modules + 2 * quiet_zone_modules)
 
 
@@ -53,7 +53,7 @@ def upwards(normal: ArrayLike) -> Floats:
 
 
 def markers_on(shape: Rectangle | Sphere, spec: GridSpec | SpiralSpec) -> list[Marker]:
-    """The markers that `spec` puts on `shape`, numbered on from its first id."""
+    """The markers of `spec` on `shape`, numbered from its first id."""
     if isinstance(shape, Rectangle):
         points, normals = shape.grid(spec.columns, spec.rows)
         ups = np.broadcast_to(shape.up, points.shape)
@@ -67,7 +67,7 @@ def markers_on(shape: Rectangle | Sphere, spec: GridSpec | SpiralSpec) -> list[M
 
 
 def placed_marker(spec: PlacedSpec) -> Marker | None:
-    """The marker that `spec` puts by hand; None if its normal and up are no two directions."""
+    """The marker of `spec`; None if its normal and up are not independent directions."""
     normal, up = np.array(spec.normal), None if spec.up is None else np.array(spec.up)
     if not np.linalg.norm(normal) > 0:
         return None
@@ -84,7 +84,7 @@ def placed_marker(spec: PlacedSpec) -> Marker | None:
 
 
 def marker_at(number: int, owner: str, on_surface_m: Floats, normal: Floats, up: Floats, module_mm: float) -> Marker:
-    """The marker whose plate lies `PLATE_OFFSET_M` over a point (3,) of a surface of unit `normal` (3,)."""
+    """The marker whose plate is `PLATE_OFFSET_M` above a point (3,) of a surface of unit `normal` (3,)."""
     centre_m = on_surface_m + PLATE_OFFSET_M * normal
     return Marker(number, owner, _triple(centre_m), _triple(normal), _triple(up), module_mm * 1e-3)
 
@@ -101,17 +101,17 @@ def plate_corners_m(marker: Marker, side_m: float) -> Floats:
 
 
 def overlapping(markers: list[Marker], sides_m: list[float], shape: object) -> Iterator[tuple[int, int]]:
-    """The pairs of `markers`, all on `shape`, of which one plate covers a part of another.
+    """The pairs of `markers`, all on `shape`, whose plates overlap.
 
-    Seen from a point behind the surface (the centre of a ball) plates are convex polygons on the sky, and those are
-    apart if and only if the plane through the point and a side of one has the other one beyond it.
+    Projected from a point behind the surface (the centre of a ball), plates are convex polygons on a sphere. They are
+    disjoint if and only if the plane through the point and a side of one separates them.
     """
     corners = np.array([plate_corners_m(marker, side) for marker, side in zip(markers, sides_m, strict=True)])
     centres = np.array([marker.centre_m for marker in markers])
     normals = np.array([marker.normal for marker in markers])
     if isinstance(shape, Sphere):
         apexes = np.broadcast_to(np.array(shape.centre_m), centres.shape)
-        # The angle between two plates on the sky against what half their diagonals span.
+        # The angle between two plates on the sphere against the sum of their half diagonals.
         arms = np.linalg.norm(centres - apexes, axis=1)
         reach = np.arctan2(np.sqrt(0.5) * np.array(sides_m), arms)
         sky = (centres - apexes) / arms[:, None]
@@ -135,10 +135,10 @@ def _a_side_parts(cone: Floats, other: Floats) -> bool:
 
 
 def largest_spiral_module_m(shape: Sphere, spec: SpiralSpec, side_modules: float) -> float:
-    """Metres, the asked module if its plates fit the ball and stay apart, else the largest that does.
+    """Metres, the requested module if its plates fit the ball and stay apart, else the largest that does.
 
-    Plates, `side_modules` wide, fit a ball if they are no larger than the square within its outline, from which their
-    corners stand off by at most 0.41 radii.
+    Plates, `side_modules` wide, fit a ball if they are no larger than the square within its outline, whose corners
+    stand off by at most 0.41 radii.
     """
     fits = 2**0.5 * shape.radius_m / side_modules
     markers = markers_on(shape, spec)
@@ -150,7 +150,7 @@ def largest_spiral_module_m(shape: Sphere, spec: SpiralSpec, side_modules: float
     low, high = 0.0, min(fits, spec.module_mm * 1e-3)
     if apart(high):
         return high
-    # For a ball of millions of kilometres the step is finer than numbers are.
+    # For a ball of millions of kilometres the step is below double precision.
     while high - low > max(MODULE_STEP_M, MODULE_STEP_SHARE * high):
         middle = (low + high) / 2
         low, high = (middle, high) if apart(middle) else (low, middle)

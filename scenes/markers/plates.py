@@ -1,7 +1,7 @@
-"""What lies under a marker's plate, and whether the plate may be glued there.
+"""The surface under a marker's plate, and whether the plate may be glued to it.
 
-A flat marker on a curved surface may stand off by its sagitta and 2 mm. One that would stick through a surface, hang
-over an edge, or float further off is refused.
+A flat marker on a curved surface may stand off by its sagitta plus 2 mm. A plate that cuts through a surface, extends
+over an edge, or stands off further is refused.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ from pss.surrogates import Mesh, Shape, any_blocks
 from render.world.meshes import skin
 from render.world.state import Marker
 from scenes.markers.layout import upwards
-from scenes.mesh_file import holds
+from scenes.mesh_file import contains
 
 __all__ = ["Seat", "Solid", "Under", "crosses", "places", "seat", "stand_off_problem", "surface_under"]
 
 Solid = Rectangle | Sphere | Box | Mesh
 
-# The plate is judged on this many places each way, its rim among them.
+# A plate is tested at this many places along each side, including its rim.
 PLACES = 9
-# How far a plate may float, whatever its surface.
+# Largest stand-off of a plate, whatever its surface.
 FLOAT_M = 2e-3
-# A surface counts as under a plate as far down as this part of the plate's side …
+# A surface counts as under a plate down to this share of the plate's side …
 DEEPEST_SHARE = 0.5
-# … and as in its way as far up as this.
+# … and as in its way up to this share.
 HIGHEST_SHARE = 0.125
-# No more curved than a ball whose radius is the plate's side: 1 − √½ of that is its sagitta.
+# No more curved than a ball whose radius is the plate's side: its sagitta is 1 − √½ of that.
 MOST_SAGITTA_SHARE = 0.3
-# Edges that faces share belong to both, to this part of a plate's side.
+# Edges shared by faces belong to both, within this share of a plate's side.
 ON_EDGE = 1e-9
 # Rounding of places in a room.
 ROUNDING_M = 1e-7
@@ -45,8 +45,8 @@ class Under:
     """The surface under a plate, as heights over the plate's plane in metres.
 
     Attributes:
-        heights_m: at `PLACES` × `PLACES` places, row by row (PLACES²,); nan where there is nothing or an inside.
-        highest_m: of all that is within the plate's outline, between its places too.
+        heights_m: at `PLACES` × `PLACES` places, row by row (PLACES²,); nan for nothing or an inside.
+        highest_m: maximum within the plate's outline, also between its places.
     """
 
     heights_m: Floats
@@ -55,12 +55,12 @@ class Under:
 
 @dataclass(frozen=True, eq=False)
 class Seat:
-    """Where a plate just touches the surface under it, in metres.
+    """The position in which a plate just touches the surface under it, in metres.
 
     Attributes:
         base_m: m, (3,), the middle of the plate.
         normal: unit, (3,), of the plane that fits the surface best.
-        fall_m: by how much the surface falls away under the plate.
+        fall_m: largest distance of the surface below the plate.
     """
 
     base_m: Floats
@@ -69,13 +69,13 @@ class Seat:
 
 
 def places(side_m: float) -> Floats:
-    """Metres along right and up, the places of a plate, (PLACES², 2)."""
+    """Metres along right and up, the test places of a plate, (PLACES², 2)."""
     line = np.linspace(-side_m / 2, side_m / 2, PLACES)
     return np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
 
 
 def surface_under(shape: Solid, centre_m: Floats, normal: Floats, up: Floats, side_m: float) -> Under:
-    """What of `shape` lies under the square of `side_m` about `centre_m` (3,) that looks along `normal` (3,)."""
+    """The part of `shape` under the square of `side_m` about `centre_m` (3,) with normal `normal` (3,)."""
     frame = np.array([np.cross(up, normal), up, normal])
     if isinstance(shape, Sphere):
         return _ball_under(frame @ (np.array(shape.centre_m) - centre_m), shape.radius_m, side_m)
@@ -83,7 +83,7 @@ def surface_under(shape: Solid, centre_m: Floats, normal: Floats, up: Floats, si
 
 
 def seat(shape: Solid, point_m: Floats, normal: Floats, side_m: float) -> Seat | None:
-    """How an upright plate lies on `shape` near a point (3,) of unit `normal` (3,); None if it hangs over an edge."""
+    """Seat of an upright plate on `shape` near a point (3,) of unit `normal` (3,); None if it is over an edge."""
     upright = upwards(normal)
     under = surface_under(shape, point_m, normal, upright, side_m)
     if np.isnan(under.heights_m).any():
@@ -131,7 +131,7 @@ def _bounds(mesh: Mesh) -> tuple[Floats, Floats]:
 
 def _faces_under(mesh: Mesh, frame: Floats, centre_m: Floats, side_m: float) -> Under:
     sides, (low, high) = skin(mesh), _bounds(mesh)
-    # The plate's outline, as deep and as high as counts, lies within this distance.
+    # The plate's outline, with the depth and height that count, is within this distance.
     near = ((low < centre_m + side_m) & (high > centre_m - side_m)).all(axis=1)
     corners = (sides.corners_m[near] - centre_m) @ frame.T
     reach = np.array([side_m / 2, side_m / 2])
@@ -147,7 +147,7 @@ def _faces_under(mesh: Mesh, frame: Floats, centre_m: Floats, side_m: float) -> 
 
 
 def _heights(corners: Floats, sheet: Bools, at: Floats, top: float, side_m: float) -> Floats:
-    """Height of the first face (F, 3, 3) met from `top` downwards at places (N, 2); nan for none or a back, (N,)."""
+    """Height of the first face (F, 3, 3) below `top` at places (N, 2); nan for none or a back, (N,)."""
     found = np.full(len(at), -np.inf)
     faces_up = np.ones(len(at), dtype=bool)
     for (a, b, c), both in zip(corners, sheet.tolist(), strict=True):
@@ -165,7 +165,7 @@ def _heights(corners: Floats, sheet: Bools, at: Floats, top: float, side_m: floa
 
 
 def _clipped(edges: Floats, low: Floats, high: Floats) -> list[float]:
-    """Heights of both ends of what is left of `edges` (E, 2, 3) in the box from `low` to `high` (Liang and Barsky)."""
+    """Heights of both ends of `edges` (E, 2, 3) clipped to the box from `low` to `high` (Liang and Barsky)."""
     start, way = edges[:, 0], edges[:, 1] - edges[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
         one, other = (low - start) / way, (high - start) / way
@@ -178,18 +178,18 @@ def _clipped(edges: Floats, low: Floats, high: Floats) -> list[float]:
 
 
 def crosses(shapes: Sequence[Shape], centre_m: Floats, normal: Floats, up: Floats, side_m: float) -> bool:
-    """Whether any of `shapes` cuts through a plate, along the rows and columns of its places, or has it inside."""
+    """Whether any of `shapes` cuts through a plate, along the rows and columns of its places, or contains it."""
     right = np.cross(up, normal)
     line = np.linspace(-side_m / 2, side_m / 2, PLACES)[:, None]
     rows = [centre_m + line * one + end * other for one, other in ((up, right), (right, up)) for end in (-side_m / 2,)]
     ends = [row + side_m * other for row, other in zip(rows, (right, up), strict=True)]
     if any_blocks(shapes, np.concatenate(rows), np.concatenate(ends)).any():
         return True
-    return any(isinstance(shape, Mesh) and holds(shape, centre_m) for shape in shapes)
+    return any(isinstance(shape, Mesh) and contains(shape, centre_m) for shape in shapes)
 
 
 def stand_off_problem(marker: Marker, side_m: float, owner: Solid, others: Sequence[Shape]) -> str | None:
-    """What is allowed for the plate of `marker`, and what it does instead; None if it may be glued to its `owner`."""
+    """What is allowed for the plate of `marker`, and the violation; None if it may be glued to its `owner`."""
     centre, normal, up = (np.array(vector) for vector in (marker.centre_m, marker.normal, marker.up))
     under = surface_under(owner, centre, normal, up, side_m)
     plate = f'its plate of {side_m * 1e3:.4g} mm clear of every surface and on that of "{owner.name}"'
@@ -209,7 +209,7 @@ def stand_off_problem(marker: Marker, side_m: float, owner: Solid, others: Seque
 
 
 def _sagitta(heights_m: Floats, side_m: float) -> float:
-    """Metres by which the surface curves away under a plate: the best paraboloid, without its slope."""
+    """Metres, sagitta of the surface under a plate: that of the best paraboloid, without its slope."""
     x, y = (places(side_m) / side_m).T
     curved = np.column_stack([x * x, x * y, y * y])
     terms = np.column_stack([np.ones_like(x), x, y, curved])

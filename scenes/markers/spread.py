@@ -1,4 +1,4 @@
-"""Markers spread over a mesh: by Poisson disc, where it is flat enough to bear their plates."""
+"""Markers spread over a mesh by Poisson disc, where it is flat enough for their plates."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from scenes.markers.plates import crosses, seat
 __all__ = ["Spread", "spread_over"]
 
 
-# Places that are tried, until there is room for all markers: as many whatever the number of markers, so that as many as
-# a message allows do fit.
+# Numbers of places that are tried, until all markers fit. They do not depend on the number of markers, so that the
+# number in a message does fit.
 TRIES = (576, 2304, 4000)
 
 
 @dataclass(frozen=True)
 class Spread:
-    """The markers that were found room for, in the order in which they go on filling the gaps.
+    """The markers that fit, in the order in which they fill the gaps.
 
-    `flat` says how many of the `tried` places bear a plate at all.
+    `flat` is the number of the `tried` places that are flat enough for a plate.
     """
 
     markers: tuple[Marker, ...]
@@ -47,11 +47,11 @@ def spread_over(
     first_id: int,
     seed: int,
 ) -> Spread:
-    """At most `count` markers on the faces of `mesh`, numbered on from `first_id`; the same for the same arguments.
+    """At most `count` markers on the faces of `mesh`, numbered from `first_id`; the same for the same arguments.
 
-    Poisson-disc points are the candidates. Those whose plate (of `side_m`) would not lie on a surface that is flat to
-    `flatness_m`, would stick through it or one of `others`, or would leave the room of `room_m` drop out. Of the rest,
-    each next marker is the one farthest from all before it, as long as that is `min_distance_m` or more.
+    The candidates are Poisson-disc points. A candidate is dropped if its plate (of `side_m`) is not on a surface flat
+    to `flatness_m`, cuts through it or one of `others`, or extends beyond the room of `room_m`. Each next marker is the
+    remaining one farthest from all before it, while that is at least `min_distance_m`.
     """
     found = Spread((), 0, 0)
     for tries in TRIES:
@@ -66,7 +66,7 @@ def spread_over(
         points = np.array([point for point, _ in plates])
         order = farthest_point_order(points, min(count, len(points)))
         apart = np.linalg.norm(points[order][:, None] - points[order], axis=-1)
-        # How far each is from the nearest before it.
+        # Distance of each from the nearest marker so far.
         gaps = np.where(np.tri(len(order), k=-1, dtype=bool), apart, np.inf).min(axis=1)
         kept = order[: int(np.argmax([*(gaps < min_distance_m), True]))]
         markers = tuple(
@@ -89,7 +89,7 @@ def _plate(
     side_m: float,
     flatness_m: float,
 ) -> tuple[Floats, Floats] | None:
-    """Where a plate near a point (3,) of the surface just clears it, (3,), and its normal (3,); None if it may not."""
+    """Position (3,) and normal (3,) of a plate just above the surface near a point (3,); None if not allowed."""
     seated = seat(mesh, point_m, normal, side_m)
     if seated is None or seated.fall_m > flatness_m:
         return None

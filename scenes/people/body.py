@@ -1,9 +1,9 @@
-"""A person's body in parts: closed surfaces of their own, and where each of them is at a moment of the walk.
+"""A person's body in parts: closed surfaces, and their poses at a moment of the walk.
 
-A part has a frame: its joint nearest to the middle of the body as origin; standing upright, x to the right, y forwards
-and z up. Lengths are shares of the body's height after Drillis and Contini (1966), as in Winter, "Biomechanics and
-Motor Control of Human Movement", figure 4.1; girths are those of a slim adult in a suit. The left side is the right
-one's mirror image, half a cycle later.
+The frame of a part has its origin at the joint nearest to the middle of the body; for a person standing upright, x is
+to the right, y forwards and z up. Lengths are shares of the body's height after Drillis and Contini (1966), as in
+Winter, "Biomechanics and Motor Control of Human Movement", figure 4.1; girths are those of a slim adult in a suit. The
+left side is the right one's mirror image, half a cycle later.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ __all__ = ["PARTS", "Frame", "frames", "part"]
 ANKLE, SHANK, THIGH = 0.039, 0.246, 0.245
 HIP, SHOULDER, CHIN = ANKLE + SHANK + THIGH, 0.805, 0.865
 UPPER_ARM, FOREARM = 0.186, 0.146
-# Half the distance of the hip joints, and of the shoulder joints.
+# Half the distance between the hip joints, and between the shoulder joints.
 HIP_OUT, SHOULDER_OUT = 0.050, 0.117
-# Foot length is 0.152: so much behind the ankle, and in front of it up to the ball and the tip of the toes.
+# Foot length is 0.152: the part behind the ankle, and in front of it up to the ball and the tip of the toes.
 HEEL, BALL, TOES = 0.042, 0.068, 0.110
 # The ball's hinge above the sole.
 BALL_UP = 0.008
 # Arms hang clear of the body.
 ABDUCTION_DEG = 11.0
 
-# Sections along a part: place along it, half the width, half the depth, and the middle's place along the depth.
+# Sections along a part: position along it, half the width, half the depth, and the middle's offset along the depth.
 Section = tuple[float, float, float, float]
 HEAD: tuple[Section, ...] = (
     (0.000, 0.000, 0.000, 0.018),
@@ -76,7 +76,7 @@ HAND: tuple[Section, ...] = (
     (-0.098, 0.004, 0.009, 0.008),
     (-0.100, 0.000, 0.000, 0.008),
 )
-# These two lie: along the part is forwards, and depth is up.
+# These two are horizontal: along the part is forwards, and depth is up.
 FOOT: tuple[Section, ...] = (
     (-HEEL, 0.000, 0.000, 0.014 - ANKLE),
     (-HEEL, 0.013, 0.014, 0.014 - ANKLE),
@@ -110,7 +110,7 @@ def _limb(length: float, *radii: tuple[float, float]) -> tuple[Section, ...]:
 
 @dataclass(frozen=True)
 class _Shape:
-    """Sections, corners of each, how square they are (2: ellipses), and whether the part lies."""
+    """Sections, corners of each, their exponent (2: ellipses), and whether the part is horizontal."""
 
     sections: tuple[Section, ...]
     corners: int = 12
@@ -118,7 +118,7 @@ class _Shape:
     lies: bool = False
 
 
-# The suit flattens the limbs a little, as its pads do.
+# The suit flattens the limbs slightly, by its pads.
 SHAPES = {
     "head": _Shape(HEAD, corners=16, exponent=2.2),
     "neck": _Shape(NECK),
@@ -139,7 +139,7 @@ PARTS = (*MIDDLE, *(f"{side} {name}" for side in ("right", "left") for name in P
 
 @lru_cache(maxsize=64)
 def part(name: str, height_m: float) -> Mesh:
-    """The surface of one of `PARTS` in its own frame, in metres; the left side's as the right one's."""
+    """The surface of one of `PARTS` in its own frame, in metres; the left side's equals the right one's."""
     shape = SHAPES[name.removeprefix("right ").removeprefix("left ")]
     vertices, faces = _loft(shape)
     return Mesh(name, height_m * vertices, faces)
@@ -148,7 +148,7 @@ def part(name: str, height_m: float) -> Mesh:
 def _loft(shape: _Shape) -> tuple[Floats, Integers]:
     """A closed surface through sections, the first and last of which are points: (V, 3) and (F, 3)."""
     n = shape.corners
-    # Faces, not edges, look along the axes: that is where markers go.
+    # Faces, not edges, face along the axes, where markers are placed.
     angles = 2 * math.pi * (np.arange(n) + 0.5) / n
     outline = np.column_stack([np.cos(angles), np.sin(angles)])
     outline = np.sign(outline) * np.abs(outline) ** (2 / shape.exponent)
@@ -167,7 +167,7 @@ def _loft(shape: _Shape) -> tuple[Floats, Integers]:
         np.column_stack([top + np.arange(n), top + following, np.full(n, last)]),
     ]
     wound = np.concatenate(faces)
-    # Sections may be listed from either end, and a part that lies has two axes swapped.
+    # Sections may be listed from either end, and a horizontal part has two axes swapped.
     if shape.lies:
         vertices = vertices[:, [0, 2, 1]]
     a, b, c = np.moveaxis(vertices[wound], 1, 0)
@@ -185,7 +185,7 @@ def _ring(section: Section, outline: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """Where a part is: `axes` (3, 3) take its directions to the world's, mirrored on the left; `origin_m` (3,)."""
+    """Pose of a part: `axes` (3, 3) rotate its directions to the world's, mirrored on the left; `origin_m` (3,)."""
 
     axes: Floats
     origin_m: Floats
@@ -209,14 +209,14 @@ MIRROR = Frame(np.diag([-1.0, 1.0, 1.0]), np.zeros(3))
 def frames(
     height_m: float, stride_m: float, phase: float, position_m: tuple[float, float], heading_deg: float
 ) -> dict[str, Frame]:
-    """The frame of each of `PARTS` of a person at [x, y] who heads as a camera pans, its lowest point on the floor."""
+    """Frames of all `PARTS` of a person at [x, y] with a heading as a camera pans, the lowest point on the floor."""
     stride = stride_m / height_m
     hung = {
         f"{side} {name}": frame.within(mirror)
         for side, later, mirror in (("right", 0.0, Frame(np.eye(3), np.zeros(3))), ("left", 0.5, MIRROR))
         for name, frame in _side(height_m, stride, phase + later).items()
     }
-    # The hips are as high as the foot that reaches lowest says.
+    # The height of the hips follows from the lowest point of the feet.
     lowest = min(hung[name].place(part(name, height_m).vertices_m)[:, 2].min() for name in hung if _on_floor(name))
     sine, cosine = math.sin(math.radians(heading_deg)), math.cos(math.radians(heading_deg))
     world = Frame(
@@ -252,12 +252,12 @@ def _side(height_m: float, stride: float, phase: float) -> dict[str, Frame]:
 
 
 def _forwards(angle_deg: float) -> Floats:
-    """The turn that swings what hangs forwards, (3, 3)."""
+    """Rotation that swings a hanging part forwards, (3, 3)."""
     sine, cosine = math.sin(math.radians(angle_deg)), math.cos(math.radians(angle_deg))
     return np.array([[1.0, 0.0, 0.0], [0.0, cosine, -sine], [0.0, sine, cosine]])
 
 
 def _outwards(angle_deg: float) -> Floats:
-    """The turn that swings what hangs to the right, (3, 3)."""
+    """Rotation that swings a hanging part to the right, (3, 3)."""
     sine, cosine = math.sin(math.radians(angle_deg)), math.cos(math.radians(angle_deg))
     return np.array([[cosine, 0.0, -sine], [0.0, 1.0, 0.0], [sine, 0.0, cosine]])

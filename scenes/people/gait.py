@@ -1,6 +1,6 @@
-"""How a person walks: joint angles over the gait cycle, and how long a stride is at a speed.
+"""Gait of a person: joint angles over the cycle, and stride length as a function of speed.
 
-A cycle is a stride, two steps: it begins as the right heel strikes, and the left side does the same half a cycle later.
+A cycle is a stride, two steps: it begins as the right heel strikes, and the left side follows half a cycle later.
 Angles are in the vertical plane of the walk. They are rounded readings of published curves of adults at their own
 pace: the leg after Perry and Burnfield, "Gait Analysis" (2010), and Winter, "The Biomechanics and Motor Control of
 Human Gait" (1991); the arm after Murray, Sepic and Barnard, "Patterns of sagittal rotation of the upper limbs in
@@ -17,27 +17,27 @@ import numpy as np
 __all__ = ["NATURAL_STRIDE", "Joints", "joints", "phase_at", "stride_of_speed"]
 
 
-# The stride to which the curves belong, in body heights: at another one all angles are larger or smaller in proportion.
+# The stride of the curves, in body heights: for other strides all angles are scaled in proportion.
 NATURAL_STRIDE = 0.8
-# Step length over step rate is about the same at all speeds of a walk (Sekiya and Nagasaki 1998).
+# The ratio of step length and step rate is about the same at all speeds of a walk (Sekiya and Nagasaki 1998).
 WALK_RATIO_M_PER_STEPS_PER_MIN = 0.0064
-# The height of those who were measured; of other heights the walk is the same in proportion (equal Froude numbers).
+# The subjects' height; the walk scales with height (equal Froude numbers).
 REFERENCE_HEIGHT_M = 1.7
 
-# Degrees at each twentieth of the cycle. The thigh against the vertical, so the pelvis's own tilt and turn are in it.
+# Degrees at each twentieth of the cycle. The thigh against the vertical, which includes the pelvis's tilt and rotation.
 THIGH_DEG = (22, 21, 20, 16, 11, 5, -1, -7, -12, -16, -18, -17, -11, -1, 9, 17, 22, 25, 25, 23)
 KNEE_DEG = (5, 10, 16, 18, 16, 12, 8, 6, 5, 7, 12, 22, 37, 52, 60, 58, 47, 31, 15, 5)
 ANKLE_DEG = (0, -5, -4, 0, 3, 5, 7, 8, 10, 10, 6, -5, -17, -16, -9, -3, 0, 1, 1, 1)
-# The arm goes from one end to the other and back: farthest back as the heel of its own side strikes.
+# The arm swings from one end to the other and back: farthest back as the heel of its own side strikes.
 SHOULDER_BACK_DEG, SHOULDER_FORTH_DEG = -24.0, 10.0
 ELBOW_BACK_DEG, ELBOW_FORTH_DEG = 16.0, 34.0
-# How far the toes bend up while the heel has risen, so that they stay on the floor.
+# Largest bend of the toes while the heel is raised, so that they stay on the floor.
 MOST_TOES_DEG = 40.0
 
 
 @dataclass(frozen=True)
 class Joints:
-    """Degrees, the joints of one side: forwards, and for knee and elbow in the way they bend.
+    """Degrees, the joints of one side: positive forwards, and for knee and elbow in their direction of bending.
 
     `thigh_deg` and `upper_arm_deg` are against the vertical, `ankle_deg` and `toes_deg` upwards.
     """
@@ -54,7 +54,7 @@ def joints(phase: float, stride: float) -> Joints:
     """The right side at a phase of its cycle, 0 to 1.
 
     Args:
-        stride: in body heights; 0 stands still, and then the phase says nothing.
+        stride: in body heights; 0 when standing still, where the phase has no effect.
     """
     gain = stride / NATURAL_STRIDE
     thigh, knee, ankle = (gain * _periodic(values, phase) for values in (THIGH_DEG, KNEE_DEG, ANKLE_DEG))
@@ -72,16 +72,16 @@ def joints(phase: float, stride: float) -> Joints:
 def _periodic(values: tuple[int, ...], phase: float) -> float:
     """The trigonometric interpolation of values at equal steps of a cycle."""
     spectrum = np.fft.rfft(values) / len(values)
-    # All frequencies but the mean and the highest stand for two, the negative one's being the conjugate.
+    # All frequencies but the mean and the highest count twice, the negative one's being the conjugate.
     spectrum[1 : (len(values) + 1) // 2] *= 2
     turns = np.exp(2j * math.pi * phase * np.arange(len(spectrum)))
     return float((spectrum * turns).real.sum())
 
 
 def stride_of_speed(speed_m_per_s: float, height_m: float) -> float:
-    """Metres that a person of this height goes in a whole cycle, at a speed in m/s; 0 at rest.
+    """Stride length in metres of a person of this height, at a speed in m/s; 0 at rest.
 
-    Speed is step length times step rate, and their ratio is known: the length goes with the root of the speed.
+    Speed is step length times step rate, and their ratio is given: the length grows with the root of the speed.
     """
     scale = height_m / REFERENCE_HEIGHT_M
     speed_at_reference = speed_m_per_s / math.sqrt(scale)
@@ -89,5 +89,5 @@ def stride_of_speed(speed_m_per_s: float, height_m: float) -> float:
 
 
 def phase_at(distance_m: float, stride_m: float) -> float:
-    """The phase, 0 to 1, after a walk of `distance_m` that began at phase 0 (before it if negative)."""
+    """The phase, 0 to 1, at `distance_m` of a walk that has phase 0 at 0 (also for negative distances)."""
     return distance_m / stride_m % 1.0 if stride_m > 0 else 0.0

@@ -1,1 +1,1 @@
-"""Reading TOML: documents, overrides, named sensors, and the checks that every table shares."""
+"""Reading TOML: documents, overrides, named sensors, and the checks that all tables share."""

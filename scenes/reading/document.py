@@ -1,4 +1,4 @@
-"""Reading TOML, and the overrides of the command line, which change a document before it is validated."""
+"""Reading of TOML files, and command-line overrides, which change a document before it is validated."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ __all__ = [
 
 S = TypeVar("S", bound=Spec)
 
-# Overrides whose keys begin so go to the sweep file, all others to the scene file.
+# Prefix of overrides of the sweep file; all others are for the scene file.
 SWEEP_PREFIX = "sweep."
 
 
@@ -34,8 +34,8 @@ def read_toml(path: Path) -> dict[str, Any]:
     """The document in the file at `path`.
 
     Raises:
-        SceneError: one line, if the file is not there, cannot be read, is too large or too deep (`pss.files.read_toml`)
-            or no TOML (then with line and column).
+        SceneError: one line; the file is missing, unreadable, too large, too deep (`pss.files.read_toml`), or not valid
+            TOML (then with line and column).
     """
     try:
         return pss.files.read_toml(path)
@@ -44,13 +44,13 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def named_file(path_or_name: str | Path, folder: Path, kind: str) -> Path:
-    """The path of a TOML file: the one that is given, or of a bare name among those in `folder`.
+    """The path of a TOML file: the given one, or that of a bare name in `folder`.
 
     Args:
-        kind: what such a file is, for the message.
+        kind: kind of the file, for the message.
 
     Raises:
-        SceneError: no file of that name; the message has the nearest and all others.
+        SceneError: no file of that name; the message has the nearest name and all others.
     """
     path = Path(path_or_name)
     if path.suffix == ".toml" or len(path.parts) != 1:
@@ -65,7 +65,7 @@ def named_file(path_or_name: str | Path, folder: Path, kind: str) -> Path:
 
 
 def read_spec(model: type[S], path: Path, overrides: Iterable[str]) -> tuple[S | None, S, Problems]:
-    """The sweep or schedule file at `path`, after those of `overrides` that are for it.
+    """The sweep or schedule file at `path`, with the `overrides` for it applied.
 
     Returns:
         The strict reading (None if there are problems), the draft, and the problems so far.
@@ -78,45 +78,45 @@ def read_spec(model: type[S], path: Path, overrides: Iterable[str]) -> tuple[S |
 
 
 def check_once(location: Location, items: Iterable[object] | None, problems: Problems) -> None:
-    """Nothing in a list twice."""
+    """Report items that are in a list twice."""
     for item, count in Counter(items or ()).items():
         if count > 1:
             problems.add(location, "nothing twice", value=item)
 
 
 def apply_overrides(model: type[Spec], overrides: Iterable[str], problems: Problems) -> None:
-    """Set each "key=value" of `overrides` in the document of `problems`, which is of the kind `model`.
+    """Set each "key=value" of `overrides` in the document of `problems`, whose schema is `model`.
 
-    A key that the file may not have is a problem; whether the value is allowed is for the validation to say.
+    An unknown key is a problem; values are checked later, by the validation.
     """
     for override in overrides:
         key, equals, text = (part.strip() for part in override.partition("="))
         if not equals or not key:
-            problems.say(f"override {shown(override)}; allowed: key=value, such as cameras.2.zoom=4")
+            problems.report(f"override {shown(override)}; allowed: key=value, such as cameras.2.zoom=4")
             continue
         value = _parsed(text)
         try:
             pss.files.check_values({key: value})
         except RangeError as error:
-            problems.say(f"override {shown(override)}; {error}")
+            problems.report(f"override {shown(override)}; {error}")
             continue
         set_value(model, key, value, problems)
 
 
 def set_value(model: type[Spec], key: str, value: object, problems: Problems) -> None:
-    """Set the value at the dotted `key` of the document of `problems`, which is of the kind `model`."""
+    """Set the value at the dotted `key` of the document of `problems`, whose schema is `model`."""
     document = copy.deepcopy(problems.document)
     try:
         location = _set(model, document, key.split("."), value)
     except (_NoSuchKey, _RemovedKey) as error:
-        problems.say(f"override {key} = {shown(value)}; {error}")
+        problems.report(f"override {key} = {shown(value)}; {error}")
     else:
         problems.document = document
         problems.overridden.add(location)
 
 
 def _parsed(text: str) -> object:
-    """The TOML value that `text` is, or else the text itself, so that names need no quotes in a shell."""
+    """The TOML value of `text`, or else the text itself, so that names need no quotes in a shell."""
     try:
         document = tomllib.loads(f"value = {text}")
     except (ValueError, RecursionError):
@@ -125,7 +125,7 @@ def _parsed(text: str) -> object:
 
 
 class _RemovedKey(Exception):
-    """A key that files could have before; the text says why not any more."""
+    """A key of earlier versions; the text is the reason for its removal."""
 
 
 class _NoSuchKey(Exception):
@@ -135,7 +135,7 @@ class _NoSuchKey(Exception):
 
 
 def _set(model: type[Spec], document: dict[str, Any], steps: list[str], value: object) -> Location:
-    """Set the value at the dotted key `steps` of `document`; where that is."""
+    """Set the value at the dotted key `steps` of `document`, and return its location."""
     tables: tuple[type[Spec], ...] = (model,)
     here: Any = document
     location: Location = ()
@@ -160,7 +160,7 @@ def _set(model: type[Spec], document: dict[str, Any], steps: list[str], value: o
             location += (step,)
             tables = child_tables(table, step)
             if last:
-                # The override is the later word: it also takes away what says the same in another way.
+                # The override takes precedence: it also removes alternative keys.
                 for rival in table.replaces.get(step, ()):
                     here.pop(rival, None)
                 here[step] = value

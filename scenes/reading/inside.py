@@ -1,4 +1,4 @@
-"""Where a file may send the reader: a scene to its own folder and below, a sweep or schedule to scenes near it."""
+"""Which files a file may reference: a scene, those in its folder and below; a sweep or schedule, scenes near it."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ __all__ = ["OUTSIDE", "SHIPPED", "may_open", "scene_of"]
 
 SHIPPED = Path(__file__).parents[1]
 """The folder of the scenes that come with the project."""
-# As in the project's own folder of scenes: files in a folder of such a name stand for scenes in the one above.
+# As in the project's own folder of scenes: files in a folder of such a name are for scenes in the parent folder.
 COLLECTED = ("sweeps", "schedules")
-OUTSIDE = "(--allow-outside lets it)"
-"""How to have one's way, for the end of an error's line."""
+OUTSIDE = "(--allow-outside permits it)"
+"""The option that permits it, for the end of an error's line."""
 
 
 def may_open(file: str, place: Location, folder: Path, allow_outside: bool, problems: Problems) -> bool:
-    """Whether a scene in `folder` may have the file that its key at `place` names; a problem if not.
+    """Whether a scene in `folder` may reference the file at its key `place`; a problem if not.
 
-    It has to lie in the folder or below, symbolic links followed, unless `allow_outside`.
+    The file has to be in the folder or below, symbolic links resolved, unless `allow_outside`.
     """
     if allow_outside or is_inside(folder / file, [folder]):
         return True
@@ -30,9 +30,9 @@ def may_open(file: str, place: Location, folder: Path, allow_outside: bool, prob
 
 
 def scene_of(path: Path, file: str | None, allow_outside: bool, problems: Problems) -> Path:
-    """The path of the scene that the sweep or schedule at `path` names; a problem if it may not.
+    """The path of the scene that the sweep or schedule at `path` references; a problem if that is not allowed.
 
-    Scenes have to lie in the folder of that file or below (in the folder above, if its own is called "sweeps" or
+    Scenes have to be in the folder of that file or below (in the parent folder, if its own is called "sweeps" or
     "schedules", as the project's are), or come with the project, unless `allow_outside`.
     """
     if file is None:
@@ -46,6 +46,6 @@ def scene_of(path: Path, file: str | None, allow_outside: bool, problems: Proble
             f"below; this leads outside {OUTSIDE}",
         )
     elif os.path.exists(scene) and not os.path.isfile(scene):
-        # A named pipe would be waited for.
+        # Opening a named pipe would block.
         problems.add(("scene",), "the path of a file")
     return scene

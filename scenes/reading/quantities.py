@@ -1,4 +1,4 @@
-"""The kinds of numbers in a file; a description is the text that the user reads after "allowed:"."""
+"""Number types of a file; a description is the text after "allowed:" in messages."""
 
 from __future__ import annotations
 

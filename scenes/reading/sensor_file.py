@@ -1,4 +1,4 @@
-"""Named sensors: each a file in `scenes/sensors`, from which a scene's [sensor] starts when it says `name`."""
+"""Named sensors: files in `scenes/sensors`, from which a scene's [sensor] starts if it has a `name`."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ def known_sensors() -> list[str]:
 
 
 def read_sensor(name: str) -> dict[str, Any]:
-    """What the named sensor says: keys of [sensor], without those of its exposure.
+    """The keys of [sensor] of a named sensor, without those of its exposure.
 
     Raises:
-        SceneError: there is no such file, or it is no TOML.
+        SceneError: the file is missing, or is not valid TOML.
     """
     return read_toml(SENSORS / f"{name}.toml")
 
 
 def start_from_named_sensor(problems: Problems) -> None:
-    """Put what the sensor of that `name` says into [sensor], beneath what the file says itself.
+    """Complete [sensor] with the values of the sensor of that `name`; those of the file take precedence.
 
-    A wrong name is one problem, not one for each key that it leaves out: the nearest sensor fills them in.
+    A wrong name is one problem, not one for each missing key: the nearest sensor completes them.
     """
     table = problems.document.get("sensor")
     if not isinstance(table, dict) or "name" not in table:

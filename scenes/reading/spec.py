@@ -1,8 +1,8 @@
-"""What every table of a file has in common, and its check that finds all problems in one pass.
+"""What all tables of a file share, and their validation, which finds all problems in one pass.
 
-`validate` returns two readings of a document. The strict one exists only if pydantic found nothing to complain about.
-The draft always exists: whatever is wrong in it is None and all the rest is there, so that the checks that need several
-keys at once (a camera outside the room) can run beside pydantic's own.
+`validate` returns two readings of a document. The strict one exists only if pydantic found no problem. The draft always
+exists, with None in place of invalid values, so that checks that need several keys (a camera outside the room) can run
+in the same pass.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ __all__ = [
 ]
 
 ONE_SEARCH = "there is one search, which finds more than each of the former two"
-"""Why sweep and schedule files have no `search` any more."""
+"""Reason for the removal of `search` from sweep and schedule files."""
 
 DRAFT = {"draft": True}
 """Validation context of the draft."""
@@ -56,15 +56,15 @@ def _is_draft(info: ValidationInfo) -> bool:
 
 
 class Spec(BaseModel):
-    """A table of a file. A field with a description is a leaf; the description says what is allowed there."""
+    """A table of a file. A field with a description is a leaf; the description states what is allowed there."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     replaces: ClassVar[dict[str, tuple[str, ...]]] = {}
-    """Keys that an override of another key takes away, because the two say the same in different ways."""
+    """Keys that an override of another key removes, because they are alternatives."""
 
     removed: ClassVar[dict[str, str]] = {}
-    """Keys that files could have before, with the reason why not any more."""
+    """Keys of earlier versions, with the reason for their removal."""
 
     @model_validator(mode="before")
     @classmethod
@@ -101,13 +101,13 @@ def _drop_if_draft(value: Any, handler: Any, info: ValidationInfo) -> Any:
 
 
 Item = WrapValidator(_drop_if_draft)
-"""Marks the tables of a list, so that one of an unknown kind does not hide the others from the checks."""
+"""Wraps the tables of a list, so that one of an unknown kind does not hide the others from the checks."""
 
-# TOML's own types are meant: no text that looks like a number, no true for 1; nan and inf are no measures.
+# TOML's own types only: no text that looks like a number, no true for 1; nan and inf are not allowed.
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[Number, Field(gt=0, description="a number above 0")]
 Count = Annotated[int, Field(strict=True, ge=1, description="a whole number, 1 or more")]
-# Dots part the keys of an override, and commas the columns of a table.
+# Dots separate the keys of an override, and commas the columns of a table.
 Name = Annotated[
     str,
     Field(
@@ -122,14 +122,14 @@ S = TypeVar("S", bound=Spec)
 
 
 def one_of(key: str, *tables: type[Spec]) -> Any:
-    """The annotation for any of `tables`, which say by the value of `key` what they are."""
+    """The annotation for any of `tables`, which are distinguished by the value of `key`."""
     names = {tag: table.__name__ for table in tables for tag in _kinds(table)[key]}
 
     def name_of(value: Any) -> str | None:
-        said = value.get(key) if isinstance(value, dict) else getattr(value, key, None)
-        return names.get(said) if isinstance(said, str) else None
+        kind = value.get(key) if isinstance(value, dict) else getattr(value, key, None)
+        return names.get(kind) if isinstance(kind, str) else None
 
-    # Not Field(discriminator=key): pydantic refuses that where a wrapping validator, as of `Spec`, guards the key.
+    # Not Field(discriminator=key): pydantic refuses it if a wrapping validator, like that of `Spec`, guards the key.
     tagged = tuple(Annotated[table, Tag(table.__name__)] for table in tables)
     return Annotated[Union[tagged], Discriminator(name_of)]  # noqa: UP007
 
@@ -140,7 +140,7 @@ def validate(model: type[S], document: dict[str, Any], problems: Problems) -> tu
     try:
         strict = model.model_validate(document)
     except ValidationError as error:
-        # Unknown keys first: they tell which missing keys are only misspelt.
+        # Unknown keys first: they determine which missing keys are only misspelt.
         for item in sorted(error.errors(include_url=False), key=lambda item: item["type"] != "extra_forbidden"):
             _report(model, dict(item), problems)
     return strict, model.model_validate(document, context=DRAFT)
@@ -161,7 +161,7 @@ def _report(model: type[Spec], item: dict[str, Any], problems: Problems) -> None
             kind = next(iter(_kinds(below[0])))
             problems.add((*location, kind), ", ".join(tag for table in below for tag in _kinds(table)[kind]))
         case "too_short":
-            # Pydantic doesn't count the items that it has reported already.
+            # Pydantic does not count the items that it has reported already.
             if not item["input"]:
                 problems.add(location, _listed(location, below) if below else "at least one")
         case "too_long":
@@ -180,7 +180,7 @@ def _described(tables: tuple[type[Spec], ...]) -> str:
 
 
 def _listed(location: Location, tables: tuple[type[Spec], ...]) -> str:
-    """What a list of tables is allowed to be: as TOML writes it, [[cameras]]."""
+    """What is allowed for a list of tables, in TOML's notation: [[cameras]]."""
     key = ".".join(step for step in location if isinstance(step, str))
     return f"at least one [[{key}]], each {_described(tables)}"
 
@@ -193,7 +193,7 @@ def _is_list(annotation: Any) -> bool:
 
 
 def present(items: Iterable[Any] | None) -> Iterator[tuple[int, Any]]:
-    """Those of a draft's list that are valid, with their indices."""
+    """The valid items of a draft's list, with their indices."""
     return ((index, item) for index, item in enumerate(items or ()) if item is not None)
 
 
@@ -210,22 +210,22 @@ def _fields(table: type[Spec]) -> dict[str, Any]:
 
 
 def allowed_keys(table: type[Spec]) -> list[str]:
-    """The keys that `table` may have, its own before those that it shares with other tables."""
+    """The keys that `table` may have, its own before inherited ones."""
     own = table.__annotations__
     return sorted(_fields(table), key=lambda key: key not in own)
 
 
 def tables_in(annotation: Any) -> tuple[type[Spec], ...]:
-    """The tables that a value of the annotated type may hold or be: those of lists, unions and optional ones too."""
+    """The tables that a value of the annotated type may be or contain, also in lists, unions and optional ones."""
     if get_origin(annotation) is None:
         return (annotation,) if isinstance(annotation, type) and issubclass(annotation, Spec) else ()
     return tuple(table for part in get_args(annotation) for table in tables_in(part))
 
 
 def narrowed(tables: tuple[type[Spec], ...], data: object) -> tuple[type[Spec], ...]:
-    """Of `tables`, the one whose kind `data` says it is; all of them if it doesn't say."""
-    said = data if isinstance(data, dict) else {}
-    fitting = (table for table in tables if any(said.get(key) in tags for key, tags in _kinds(table).items()))
+    """The one of `tables` whose kind `data` has; all of them if it has none."""
+    given = data if isinstance(data, dict) else {}
+    fitting = (table for table in tables if any(given.get(key) in tags for key, tags in _kinds(table).items()))
     return tuple(fitting) or tables
 
 
@@ -243,7 +243,7 @@ def child_tables(table: type[Spec], key: str) -> tuple[type[Spec], ...]:
 def _location_in_file(
     model: type[Spec], loc: Location
 ) -> tuple[Location, tuple[type[Spec], ...], tuple[type[Spec], ...]]:
-    """Pydantic's location without the tags that it puts in; the tables its last key is in, and those below it."""
+    """Pydantic's location without the tags it inserts; the tables of its last key, and those below it."""
     location: list[str | int] = []
     owners = tables = (model,)
     for step in loc:

@@ -1,1 +1,1 @@
-"""Rules of a scene file that take several keys at once."""
+"""Rules of a scene file that involve several keys."""

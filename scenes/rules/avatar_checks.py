@@ -1,4 +1,4 @@
-"""The rules of avatars: strides that legs can make, nobody in another's way, and suits whose plates fit the body."""
+"""The rules of avatars: possible strides, distance between avatars, and suits whose plates fit the body."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from render.world.state import Marker
 from scenes.errors import Location, Problems
 from scenes.markers.layout import overlapping
 from scenes.markers.plates import Solid, crosses, stand_off_problem
-from scenes.markers.suit import SUIT_KEYS, suit_markers, worn_by
+from scenes.markers.suit import SUIT_KEYS, avatar_markers, suit_markers
 from scenes.people.avatar import Stance, avatar_mesh, cylinder_radius_m
 from scenes.people.gait import stride_of_speed
 from scenes.reading.spec import known, present
@@ -21,14 +21,14 @@ from scenes.schema.scene_tables import SceneSpec
 
 __all__ = ["check_avatars", "check_suit"]
 
-# What the user is told about the largest module is rounded down to this.
+# The largest module in a message is rounded down to this.
 MODULE_STEP_MM = 0.1
-# No module of this size fits on anybody.
+# No module of this size fits on any body.
 LARGEST_MODULE_MM = 1000.0
 
 
 def check_avatars(draft: SceneSpec, problems: Problems) -> None:
-    """All rules but those of the markers."""
+    """All rules except those of the markers."""
     before: list[Stance] = []
     for index, item in present(draft.objects):
         if not isinstance(item, AvatarSpec):
@@ -59,7 +59,7 @@ def _check_stride(place: Location, item: AvatarSpec, problems: Problems) -> None
         if item.stride_m is not None and item.stride_m > most:
             problems.add((*place, "stride_m"), f"0 to {most:g}, that of a walk at this height, in metres")
     elif of_speed > most:
-        # The stride goes with the root of the speed.
+        # The stride grows with the root of the speed.
         fastest = math.floor(item.speed_m_per_s * (most / of_speed) ** 2 * 100) / 100
         problems.add((*place, "speed_m_per_s"), f"0 to {fastest:g}, a walk at this height (or a stride_m of its own)")
 
@@ -67,8 +67,8 @@ def _check_stride(place: Location, item: AvatarSpec, problems: Problems) -> None
 def check_suit(
     place: Location, item: AvatarSpec, others: Sequence[Solid], side_modules: float | None, problems: Problems
 ) -> tuple[Marker, ...]:
-    """The markers of an avatar's suit, of which each plate lies on the body and sticks through none of `others`."""
-    markers = worn_by(item, side_modules) if side_modules is not None else ()
+    """The markers of an avatar's suit, with each plate on the body and cutting through none of `others`."""
+    markers = avatar_markers(item, side_modules) if side_modules is not None else ()
     stance = stance_of(item)
     if side_modules is None or stance is None or not markers:
         return ()
@@ -77,11 +77,11 @@ def check_suit(
         if not _fit(stance, key, module_mm, side_modules):
             reason = f"every plate of {side_modules:g} modules lies on the body, clear of all else of it"
             largest = _largest_mm(stance, key, module_mm, side_modules)
-            # A size that the file leaves out counts too.
-            said = {} if problems.given((*place, "markers", key)) else {"value": module_mm}
-            problems.add((*place, "markers", key), f"at most {largest:g} so that {reason}", **said)
+            # A default size counts too.
+            shown = {} if problems.given((*place, "markers", key)) else {"value": module_mm}
+            problems.add((*place, "markers", key), f"at most {largest:g} so that {reason}", **shown)
     on_body = tuple(marker for marker in markers if marker is not None)
-    # Two avatars are kept apart as a whole.
+    # Whole avatars are kept apart.
     for other in others:
         if any(_cut(marker, other, side_modules) for marker in on_body):
             problems.add((*place, "position_m"), f'a place where no plate of the suit sticks through "{other.name}"')
@@ -95,7 +95,7 @@ def _cut(marker: Marker, other: Solid, side_modules: float) -> bool:
 
 @lru_cache(maxsize=1024)
 def _fit(stance: Stance, key: str, module_mm: float, side_modules: float) -> bool:
-    """Whether all markers of the parts that `key` is about lie on the body, and on no other one."""
+    """Whether all markers sized by `key` lie on their parts of the body, clear of the others."""
     suit = suit_markers(stance, 0, dict.fromkeys(SUIT_KEYS, module_mm), side_modules)
     markers = [marker for marker, own in zip(suit, SUIT_KEYS, strict=True) if own == key]
     if None in markers:
@@ -107,7 +107,7 @@ def _fit(stance: Stance, key: str, module_mm: float, side_modules: float) -> boo
 
 
 def _largest_mm(stance: Stance, key: str, module_mm: float, side_modules: float) -> float:
-    """Millimetres, below `module_mm`, which does not fit, the largest module that does; 0 if none does."""
+    """Millimetres, the largest module below `module_mm` that fits; 0 if none does."""
     low, high = 0, math.ceil(min(module_mm, LARGEST_MODULE_MM) / MODULE_STEP_MM)
     while high - low > 1:
         middle = (low + high) // 2

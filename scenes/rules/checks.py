@@ -1,4 +1,4 @@
-"""The rules of a scene file that need several keys at once. Each runs on the parts of the draft that are valid."""
+"""The rules of a scene file that involve several keys. Each is applied to the valid parts of the draft."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from pss import Box, GeometryError, PTZCamera, Rectangle, Sphere
 from pss.surrogates import Mesh, Shape
 from scenes.errors import Location, Problems
-from scenes.mesh_file import holds
+from scenes.mesh_file import contains
 from scenes.people.avatar import avatar_mesh
 from scenes.reading.spec import known, present
 from scenes.rules.avatar_checks import check_avatars
@@ -30,14 +30,14 @@ __all__ = ["check_names", "check_scene", "extent_m", "inside_room", "room_allows
 
 # Walls, floor and boxes may touch; sums of decimal fractions are off by less than this.
 TOUCHING_M = 1e-9
-# Mesh files keep single precision.
+# Mesh files have single precision.
 MESH_TOUCHING_M = 1e-5
-# Boards closer to a wall than this fight with it for the same pixels.
+# A board closer to a wall than this cannot be distinguished from it in depth.
 OFF_THE_WALL_M = 1e-3
 
 
 def check_scene(draft: SceneSpec, problems: Problems) -> None:
-    """All rules but those of the markers."""
+    """All rules except those of the markers."""
     check_names(("cameras",), draft.cameras, "camera", problems)
     check_names(("objects",), draft.objects, "object", problems)
     _check_panels(draft, problems)
@@ -51,7 +51,7 @@ def check_scene(draft: SceneSpec, problems: Problems) -> None:
 
 
 def check_names(location: Location, items: Iterable | None, noun: str, problems: Problems) -> None:
-    """No two items have one name."""
+    """Report names that occur twice."""
     seen: set[str] = set()
     for index, item in present(items):
         if item.name in seen:
@@ -64,7 +64,7 @@ def check_names(location: Location, items: Iterable | None, noun: str, problems:
 
 
 def room_size(room: RoomSpec | None) -> tuple[float, float, float] | None:
-    """Metres, (width, length, height) of a draft's room, if it is known."""
+    """Metres, (width, length, height) of a draft's room, if it is valid."""
     size = (room.width_m, room.length_m, room.height_m) if room is not None else (None,)
     return size if known(*size) else None
 
@@ -118,7 +118,7 @@ def _check_pose(place: Location, camera: CameraSpec, draft: SceneSpec, problems:
         problems.add((*place, "position_m"), room_allows(size))
     for item in draft.objects or ():
         shape = shape_of(item)
-        if shape is not None and _holds(shape, position):
+        if shape is not None and _contains(shape, position):
             problems.add((*place, "position_m"), f'outside the object "{shape.name}"')
     if camera.aim_m is not None:
         try:
@@ -128,19 +128,19 @@ def _check_pose(place: Location, camera: CameraSpec, draft: SceneSpec, problems:
 
 
 def _check_light(draft: SceneSpec, problems: Problems) -> None:
-    """The keys of one kind of light, and none of the other's."""
+    """The keys of one kind of light are required, those of the other kind refused."""
     light = draft.light
     if light is None or light.kind is None:
         return
     ambient, ring = ("radiance_w_per_m2_sr", "panels"), ("ring_w_per_sr",)
-    wanted, other = (ring, ambient) if light.kind == "ring" else (ambient, ring)
-    said = problems.document.get("light", {})
-    for key in wanted:
-        if key not in said:
+    required, other = (ring, ambient) if light.kind == "ring" else (ambient, ring)
+    given = problems.document.get("light", {})
+    for key in required:
+        if key not in given:
             description = LightSpec.model_fields[key].description
             problems.add(("light", key), f'{description} (the light is "{light.kind}")')
     for key in other:
-        if key in said:
+        if key in given:
             problems.add(("light", key), f'not beside kind = "{light.kind}"')
 
 
@@ -150,7 +150,7 @@ def _check_light(draft: SceneSpec, problems: Problems) -> None:
 def shape_of(
     item: RectangleSpec | SphereSpec | BoxSpec | MeshSpec | AvatarSpec | None,
 ) -> Rectangle | Sphere | Box | Mesh | None:
-    """The shape that a table of [[objects]] describes; None if a part of it is missing or wrong."""
+    """The shape of a table of [[objects]]; None if a part of it is missing or invalid."""
     match item:
         case RectangleSpec():
             values = (item.name, item.centre_m, item.width_m, item.height_m, item.facing_deg, item.elevation_deg)
@@ -207,12 +207,12 @@ def extent_m(shape: Rectangle | Sphere | Box | Mesh) -> np.ndarray:
             return np.array([shape.vertices_m.min(axis=0), shape.vertices_m.max(axis=0)])
 
 
-def _holds(shape: Shape, point_m: np.ndarray) -> bool:
+def _contains(shape: Shape, point_m: np.ndarray) -> bool:
     match shape:
         case Sphere():
             return bool(np.linalg.norm(point_m - shape.centre_m) <= shape.radius_m)
         case Box():
             return bool((point_m >= shape.lowest_m).all() and (point_m <= shape.highest_m).all())
         case Mesh():
-            return holds(shape, point_m)
+            return contains(shape, point_m)
     return False  # a board has no inside

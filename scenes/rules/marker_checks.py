@@ -1,4 +1,4 @@
-"""The rules of markers: ids that the dictionary has, each once, on plates that fit their objects and stay apart."""
+"""The rules of markers: ids of the dictionary, each used once, and plates that fit their objects without overlap."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ MOST_IDS = max(dictionary.ids for dictionary in DICTIONARIES.values())
 
 @dataclass(frozen=True)
 class _Group:
-    """The ids that one table of the file hands out, and its markers if their places are known.
+    """The ids of one table of the file, and its markers if their places are valid.
 
-    `blamed` is the key that moves its plates, if that is not the module's size or a marker's own place.
+    `cause` is the key that moves its plates, if that is not the module's size or a marker's own place.
     """
 
     place: Location
@@ -49,7 +49,7 @@ class _Group:
     ids: range
     owner: str
     markers: tuple[Marker, ...] = ()
-    blamed: Location | None = None
+    cause: Location | None = None
 
 
 def check_markers(draft: SceneSpec, problems: Problems) -> None:
@@ -71,9 +71,9 @@ def check_markers(draft: SceneSpec, problems: Problems) -> None:
         _check_room(draft, groups, side_modules, problems)
         _check_stand_off(draft, groups, side_modules, problems)
         _check_placed_apart(draft, groups, side_modules, problems)
-    asked = [("markers", "placed"), *(("objects", index, "markers") for index in range(len(draft.objects or ())))]
-    if draft.objects is not None and not any(problems.given(place) for place in asked):
-        problems.say("objects have no markers; allowed: at least one marker, as markers are the points of interest")
+    locations = [("markers", "placed"), *(("objects", index, "markers") for index in range(len(draft.objects or ())))]
+    if draft.objects is not None and not any(problems.given(place) for place in locations):
+        problems.report("objects have no markers; allowed: at least one marker, as markers are the points of interest")
 
 
 def _groups_on_objects(draft: SceneSpec, side_modules: float | None, problems: Problems) -> Iterator[_Group]:
@@ -95,10 +95,10 @@ def _groups_on_objects(draft: SceneSpec, side_modules: float | None, problems: P
         if not known(spec.first_id, *counts):
             continue
         number_key = "rows" if isinstance(spec, GridSpec) else "count"
-        # One too many is enough to know; a range may not have as many as two whole numbers multiply to.
+        # One too many is enough for the message; a range cannot have as many as two integers can multiply to.
         number = min(counts[0] * (counts[1] if len(counts) > 1 else 1), MOST_IDS + 1)
         shape, markers = shape_of(item), ()
-        # No dictionary has more: a slip of a zero is reported by the check of ids, not by running out of memory.
+        # No dictionary has more: a slip of a zero is reported by the check of ids, without running out of memory.
         if isinstance(item, MeshSpec):
             if known(shape, spec.module_mm, side_modules) and number <= MOST_IDS:
                 markers = item._spread = _spread(place, item, draft, side_modules, problems)
@@ -121,7 +121,7 @@ def _check_plates(
     else:
         largest = largest_spiral_module_m(shape, spec, side_modules)
         reason = f"{spec.count} plates of {side_modules:g} modules fit a ball of {shape.radius_m:g} m and stay apart"
-    # 1e-9: a module that fills its cell is allowed, whatever its decimal fraction comes to.
+    # 1e-9: a module that fills its cell is allowed, whatever the rounding of its decimal fraction.
     if spec.module_mm * 1e-3 > largest * (1 + 1e-9):
         problems.add((*place, "module_mm"), f"at most {_floor(largest * 1e3)} so that {reason}")
 
@@ -129,7 +129,7 @@ def _check_plates(
 def _spread(
     place: Location, item: MeshSpec, draft: SceneSpec, side_modules: float, problems: Problems
 ) -> tuple[Marker, ...]:
-    """The markers spread over a mesh; a problem if there is no room for them all."""
+    """The markers spread over a mesh; a problem if not all of them fit."""
     spec: SpreadSpec = item.markers
     size = room_size(draft.room)
     if not known(size, spec.min_distance_m, spec.flatness_mm, spec.seed):
@@ -163,14 +163,14 @@ def _spread(
 
 
 def _shapes(draft: SceneSpec) -> dict[str, Solid]:
-    """What is in the room, by name."""
+    """The shapes in the room, by name."""
     shapes = [shape for item in draft.objects or () if (shape := shape_of(item)) is not None]
     shapes += [part.shape for part in draft.backdrop._parts] if draft.backdrop is not None else []
     return {shape.name: shape for shape in shapes}
 
 
 def _floor(millimetres: float) -> str:
-    # Rounded down: what is said to be allowed must be allowed.
+    # Rounded down, so that the value in the message is allowed.
     return f"{int(millimetres * 1000) / 1000:g}"
 
 
@@ -211,7 +211,7 @@ def _check_dictionary(groups: list[_Group], dictionary: Dictionary, name: str, p
 
 
 def _check_each_once(groups: list[_Group], problems: Problems) -> None:
-    # Where a table asks for more ids than there are, that is the mistake, not what they run into.
+    # If a table requests more ids than there are, that is the mistake, not the resulting collisions.
     groups = [group for group in groups if len(group.ids) <= MOST_IDS]
     for second, group in enumerate(groups):
         for other in groups[:second]:
@@ -225,24 +225,24 @@ def _check_room(draft: SceneSpec, groups: list[_Group], side_modules: float, pro
     size = room_size(draft.room)
     if size is None:
         return
-    # Where an object is outside, that is the mistake, not its plates.
+    # If an object is outside, that is the mistake, not its plates.
     shapes = [shape_of(item) for item in draft.objects or ()]
     outside = {shape.name for shape in shapes if shape is not None and not inside_room(extent_m(shape), size)}
     for group in groups:
         corners = [plate_corners_m(marker, side_modules * marker.module_m) for marker in group.markers]
         if corners and group.owner not in outside and not inside_room(np.array(corners), size):
             key = "module_mm" if group.id_key == "first_id" else "centre_m"
-            problems.add(group.blamed or (*group.place, key), f"every plate {room_allows(size)}")
+            problems.add(group.cause or (*group.place, key), f"every plate {room_allows(size)}")
 
 
 def _check_stand_off(draft: SceneSpec, groups: list[_Group], side_modules: float, problems: Problems) -> None:
-    """Markers placed by hand lie on their object, and stick through nothing."""
+    """Markers placed by hand must lie on their object, and cut through nothing."""
     shapes, size = _shapes(draft), room_size(draft.room)
     for group in groups:
         for marker in group.markers if group.id_key == "id" and group.owner in shapes else ():
             others = [shape for name, shape in shapes.items() if name != group.owner]
             side_m = side_modules * marker.module_m
-            # Where a plate leaves the room, that is the mistake, not what it leaves on the way.
+            # If a plate is outside the room, that is the mistake, not what else it cuts.
             if size is None or not inside_room(plate_corners_m(marker, side_m), size):
                 continue
             problem = stand_off_problem(marker, side_m, shapes[group.owner], others)

@@ -1,4 +1,4 @@
-"""The rules of a scene file about its sensor, its lens and the cameras' settings, on the valid parts of the draft."""
+"""The rules of a scene file for its sensor, its lens and the cameras' settings, on the draft's valid parts."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FAR_M = 1e9
 
 
 def check_optics(draft: SceneSpec, problems: Problems) -> None:
-    """All of them."""
+    """All of these rules."""
     _check_sensor(draft, problems)
     _check_lens(draft, problems)
     _check_apertures(draft, problems)
@@ -37,11 +37,11 @@ def _check_sensor(draft: SceneSpec, problems: Problems) -> None:
     if sensor is not None and isinstance(sensor.exposure_ms, float):
         for key in ("auto_exposure_share", "longest_exposure_ms"):
             if problems.given(("sensor", key)):
-                problems.warn(("sensor", key), 'has no effect but beside exposure_ms = "auto"')
+                problems.warn(("sensor", key), 'has no effect without exposure_ms = "auto"')
 
 
 def _check_lens(draft: SceneSpec, problems: Problems) -> None:
-    """Blades of a polygon, and a distortion that does not fold the image of the camera with the widest view."""
+    """Blades must form a polygon, and distortion must not fold the image of the camera with the widest view."""
     lens, sensor = draft.lens, draft.sensor
     if lens is None:
         return
@@ -65,11 +65,11 @@ def _check_lens(draft: SceneSpec, problems: Problems) -> None:
         camera.undistorted_px((-0.5, -0.5))
     except RangeError as error:
         allowed = allowed_in(error)
-        problems.add(("lens", "radial_distortion"), f"what images all of the sensor at the smallest zoom, {allowed}")
+        problems.add(("lens", "radial_distortion"), f"what images the whole sensor at the smallest zoom, {allowed}")
 
 
 def _check_apertures(draft: SceneSpec, problems: Problems) -> None:
-    """No camera is opened wider than the lens can be; one that has the lens's own f-number is not told again."""
+    """No camera may be opened wider than the lens; a camera with the lens's own f-number is not reported again."""
     lens = draft.lens
     if lens is None or lens.widest_f_number is None:
         return
@@ -85,12 +85,12 @@ def aperture_allows(widest_f_number: float) -> str:
 
 
 def _check_settings(place: Location, camera: CameraSpec, draft: SceneSpec, problems: Problems) -> None:
-    """Zoom and focus, as `PTZCamera` itself judges them, each beside harmless values of the rest."""
+    """Zoom and focus, as checked by `PTZCamera`, each with valid values of the other settings."""
     lens, sensor = draft.lens, draft.sensor
     optics = {}
     if lens is not None:
         optics |= {"max_zoom": lens.max_zoom, "widest_fov_deg": lens.widest_fov_deg}
-    # Without a valid upper limit the lower one still holds.
+    # Without a valid upper limit the lower one still applies.
     optics = {key: value for key, value in optics.items() if value is not None}
     optics.setdefault("max_zoom", math.inf)
     zoom_fits = camera.zoom is not None

@@ -1,4 +1,4 @@
-"""[noise] and [metric] of a scene file: from the names and paths there to noise models and visibility tests."""
+"""[noise] and [metric] of a scene file: from names and paths to noise models and visibility tests."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ CALIBRATION_FILE = ".toml"
 
 
 def named_model(name: str, noise: NoiseSpec, folder: Path, sensor: ImageSensor) -> NoiseModel:
-    """The noise model called `name`, with those of the file's switches and weights that it has factors for.
+    """The noise model called `name`, with the file's switches and weights for its factors.
 
     Its name in tables is that of the file, so that two calibrations never share one.
 
@@ -27,7 +27,7 @@ def named_model(name: str, noise: NoiseSpec, folder: Path, sensor: ImageSensor) 
         name: of `pss.NOISE_MODELS`, or the path of a calibration from `folder`.
 
     Raises:
-        RangeError: there is none, its package cannot build it, or no factor of it is left.
+        RangeError: there is none, its package cannot build it, or no factor of it remains.
     """
     model = _unswitched(name, noise, folder, sensor)
     for factor in noise.switched_off:
@@ -48,7 +48,7 @@ def named_visibility(name: str, folder: Path, sensor: ImageSensor) -> tuple[Visi
 
 
 def check_predictions(draft: SceneSpec, folder: Path, problems: Problems, *, allow_outside: bool) -> None:
-    """Every name in [noise] and [metric] means something, and no key is without effect."""
+    """Every name in [noise] and [metric] must exist, and every key must have an effect."""
     if draft.noise is not None:
         _check_noise(draft.noise, folder, problems, allow_outside)
     if draft.metric is not None and draft.metric.visibility is not None:
@@ -70,7 +70,7 @@ def _check_noise(noise: NoiseSpec, folder: Path, problems: Problems, allow_outsi
         if len(set(names)) < len(names):
             problems.add(("noise", key), "each name once")
     if noise.models is None or noise.switched_off is None or noise.px2_per_m2 is None:
-        return  # reported already, and what follows would not hold
+        return  # reported already, and the following checks would not apply
     before = len(problems.lines)
     whole = []
     for index, name in enumerate(noise.models):
@@ -86,7 +86,7 @@ def _check_noise(noise: NoiseSpec, folder: Path, problems: Problems, allow_outsi
         except RangeError as error:
             problems.add(place, f"a model that can be built ({error})")
     if len(problems.lines) > before:
-        return  # its factors are not known
+        return  # its factors are unknown
     _check_factors(noise, whole, problems)
     if noise.px2_per_m2 != 1:
         others = noise.model_copy(update={"px2_per_m2": 2 * noise.px2_per_m2})
@@ -97,7 +97,7 @@ def _check_noise(noise: NoiseSpec, folder: Path, problems: Problems, allow_outsi
 
 
 def _check_factors(noise: NoiseSpec, models: list[NoiseModel], problems: Problems) -> None:
-    """Each factor that is switched off or weighted is in one of the models, and each model keeps one."""
+    """Each factor that is switched off or weighted must be in one of the models, and each model must keep one."""
     switches = list(dict.fromkeys(name for model in models for name in model.switches))
     for name in noise.switched_off:
         if name not in switches:

@@ -1,1 +1,1 @@
-"""Which keys a scene file may have, table by table."""
+"""The keys of a scene file, table by table."""

@@ -1,4 +1,4 @@
-"""What a scene file may say of an avatar: a walking person in a suit of markers."""
+"""The keys of an avatar: a walking person in a suit of markers."""
 
 from __future__ import annotations
 
@@ -52,12 +52,12 @@ class AvatarSpec(Spec):
 
 
 def longest_stride_m(height_m: float) -> float:
-    """Metres that a person of this height walks in two steps, at the most: beyond the height a walk is a run."""
+    """Metres, the longest stride (two steps) of a person of this height: beyond the height a walk is a run."""
     return height_m
 
 
 def stance_of(item: AvatarSpec) -> Stance | None:
-    """The stance that a table describes, with the stride and the phase that it leaves open; None if parts are wrong."""
+    """The stance of a table, with defaults for stride and phase; None if parts are invalid."""
     if not known(item.name, item.position_m, item.heading_deg, item.height_m, item.speed_m_per_s):
         return None
     stride_m = stride_of_speed(item.speed_m_per_s, item.height_m) if item.stride_m is None else item.stride_m

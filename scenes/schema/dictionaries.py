@@ -1,4 +1,4 @@
-"""OpenCV's predefined dictionaries, ArUco's and AprilTag's, as far as a scene needs them without OpenCV."""
+"""OpenCV's predefined dictionaries, ArUco's and AprilTag's, without importing OpenCV."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ __all__ = ["DICTIONARIES", "Dictionary"]
 
 @dataclass(frozen=True)
 class Dictionary:
-    """Side of a marker in modules, with its black border of one module all around; and how many ids there are."""
+    """Side of a marker in modules, including its black border of one module, and the number of ids."""
 
     modules: int
     ids: int
@@ -27,4 +27,4 @@ DICTIONARIES = {
     "DICT_APRILTAG_36h10": Dictionary(modules=8, ids=2320),
     "DICT_APRILTAG_36h11": Dictionary(modules=8, ids=587),
 }
-"""All that OpenCV has, by its names; plates are printed from OpenCV's own bits, the ones that it decodes."""
+"""All of OpenCV's, by their names; plates are printed from OpenCV's own bits, the ones that it decodes."""

@@ -1,4 +1,4 @@
-"""What a scene file may say of things that come as files: meshes with markers spread over them, and a backdrop."""
+"""The keys of meshes with markers spread over them, and of a backdrop, both from files."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Scale = Annotated[Positive, Field(description="a number above 0, in metres for o
 
 
 class SpreadSpec(Spec):
-    """Markers spread over a mesh where it is flat enough to bear their plates."""
+    """Markers spread over a mesh where it is flat enough for their plates."""
 
     count: Count
     module_mm: Millimetres
@@ -29,7 +29,7 @@ class SpreadSpec(Spec):
 
 
 class MeshSpec(MovingSpec):
-    """A mesh out of a file: rolled, tilted, turned, and then moved so that its own origin lies at `position_m`."""
+    """A mesh from a file: rolled, tilted, panned, and then moved so that its own origin is at `position_m`."""
 
     name: Name
     kind: Literal["mesh"]
@@ -42,13 +42,13 @@ class MeshSpec(MovingSpec):
     albedo: Albedo
     markers: SpreadSpec | None = None
 
-    # What the file holds, as posed, and the places that were found for the markers.
+    # The contents of the file, as posed, and the places of the markers.
     _mesh: Mesh | None = PrivateAttr(None)
     _spread: tuple[Marker, ...] = PrivateAttr(())
 
 
 class BackdropSpec(Spec):
-    """[backdrop]: a Mitsuba scene whose shapes stand in the room."""
+    """[backdrop]: a Mitsuba scene whose shapes are part of the room."""
 
     file: FilePath
     position_m: Point = (0.0, 0.0, 0.0)
@@ -56,5 +56,5 @@ class BackdropSpec(Spec):
     scale: Scale = 1.0
     up: Annotated[Literal["z", "y"], Field(description="z, y (the file's axis that points up)")] = "z"
 
-    # What the file holds, as posed.
+    # The contents of the file, as posed.
     _parts: tuple[SceneObject, ...] = PrivateAttr(())

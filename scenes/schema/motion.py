@@ -1,4 +1,4 @@
-"""What a scene file may say of an object that moves while the shutter is open."""
+"""The keys of an object that moves during the exposure."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ Spin = Annotated[Number, Field(description="a number, in degrees per second, as 
 
 
 class MovingSpec(Spec):
-    """An object that may move: at the middle of the exposure it is where its other keys put it."""
+    """An object that may move: its other keys state its position at the middle of the exposure."""
 
     velocity_m_per_s: Velocity = (0.0, 0.0, 0.0)
     spin_deg_per_s: Spin = 0.0
 
 
 def motion_of(spec: MovingSpec, shape: Rectangle | Sphere | Box | Mesh, origin_m: Point | None = None) -> Motion | None:
-    """The motion of an object whose file says `spec`; None at rest.
+    """The motion of an object with the table `spec`; None at rest.
 
     Args:
-        origin_m: m, (3,), a mesh's own origin, about which it spins; the other shapes spin about their centre.
+        origin_m: m, (3,), a mesh's own origin, about which it rotates; the other shapes rotate about their centre.
     """
     if not any(spec.velocity_m_per_s) and spec.spin_deg_per_s == 0:
         return None
@@ -41,5 +41,5 @@ def motion_of(spec: MovingSpec, shape: Rectangle | Sphere | Box | Mesh, origin_m
     else:
         middle = np.array(shape.centre_m)
     x, y, z = middle.tolist()
-    # Pan is positive from +y to +x: the other way round than the right-hand rule about z.
+    # Pan is positive from +y to +x, opposite to the right-hand rule about z.
     return Motion(spec.velocity_m_per_s, (0.0, 0.0, -spec.spin_deg_per_s), (x, y, z))

@@ -1,4 +1,4 @@
-"""Every key that a file may have, as comments for the files that people start from: read off the schema itself."""
+"""Every key of a file, as comments for new files, generated from the schema itself."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from scenes.reading.spec import Spec, allowed_keys, child_tables
 __all__ = ["described_keys"]
 
 WIDTH = 118
-"""Columns of a line of comment."""
+"""Columns of a comment line."""
 KEY_COLUMNS = 36
 
 
 def described_keys(model: type[Spec]) -> str:
-    """Lines of comment, one for each key of a file of the kind `model`: its dotted name, and what is allowed there.
+    """Comment lines, one for each key of a file of the kind `model`: its dotted name, and what is allowed there.
 
-    Keys of a list's tables are named as those of one of them ("cameras.zoom"); where a table is one of several kinds,
-    each kind has its own lines under a line that says which.
+    Keys of a list's tables are named as those of one of them ("cameras.zoom"). If a table is one of several kinds, each
+    kind has its own lines, under a heading.
     """
     return "\n".join(_lines(model, ""))
 
@@ -28,9 +28,9 @@ def _lines(table: type[Spec], prefix: str) -> Iterator[str]:
     for key in allowed_keys(table):
         field = _field(table, key)
         below = child_tables(table, key)
-        said = field.description or ("" if below else _choices(field.annotation))
-        if said or not below:
-            yield _line(prefix + key, said + _default(field))
+        allowed = field.description or ("" if below else _choices(field.annotation))
+        if allowed or not below:
+            yield _line(prefix + key, allowed + _default(field))
         for kind in below:
             yield "#"
             yield _wrapped(f"[{prefix}{key}] {_heading(kind)}", "# ", "# ")
@@ -42,7 +42,7 @@ def _field(table: type[Spec], key: str) -> Any:
 
 
 def _heading(table: type[Spec]) -> str:
-    """What a table is: the first sentence of its docstring, without the key, which stands before it."""
+    """Heading of a table: the first sentence of its docstring, without the key, which precedes it."""
     first = " ".join((table.__doc__ or "").split("\n\n")[0].split())
     head, colon, rest = first.partition(": ")
     return rest if colon and head.startswith("[") else first
@@ -61,8 +61,8 @@ def _default(field: Any) -> str:
     return f" (if left out: {shown})"
 
 
-def _line(key: str, said: str) -> str:
-    return _wrapped(said, f"# {key:<{KEY_COLUMNS}} ", f"# {'':<{KEY_COLUMNS}} ")
+def _line(key: str, text: str) -> str:
+    return _wrapped(text, f"# {key:<{KEY_COLUMNS}} ", f"# {'':<{KEY_COLUMNS}} ")
 
 
 def _wrapped(text: str, first: str, others: str) -> str:

@@ -1,8 +1,7 @@
-"""What a scene file may say, key by key. Rules that need several keys at once are in `checks` and `markers`.
+"""The keys of a scene file. Rules that involve several keys are in `scenes.rules`.
 
 Units end the names: _m metres, _mm millimetres, _um micrometres, _nm nanometres, _ms milliseconds, _deg degrees,
-_e electrons, _dn digital numbers, _per_ what divides them. A description is the text that the user reads after
-"allowed:".
+_e electrons, _dn digital numbers, _per_ the divisor. A description is the text after "allowed:" in messages.
 """
 
 from __future__ import annotations
@@ -85,7 +84,7 @@ class PanelSpec(Spec):
 
 
 class LightSpec(Spec):
-    """[light]: "ambient", panels in the ceiling; or "ring", a strobe at each camera, which sees its own alone."""
+    """[light]: "ambient", panels in the ceiling; or "ring", a strobe at each camera, visible to that camera only."""
 
     kind: Annotated[Literal["ambient", "ring"], Field(description='"ambient" or "ring"')] = "ambient"
     radiance_w_per_m2_sr: Annotated[Positive, Field(le=BRIGHTEST_W_PER_M2_SR)] | None = Field(
@@ -102,7 +101,7 @@ class LightSpec(Spec):
 
 
 class SensorFileSpec(Spec):
-    """A named sensor's file: all of [sensor] that is the sensor's own."""
+    """A named sensor's file: all keys of [sensor] that describe the sensor itself."""
 
     resolution_px: Annotated[
         tuple[PixelCount, PixelCount], Field(description="[width, height], whole numbers from 16 to 20000, in pixels")
@@ -118,7 +117,7 @@ class SensorFileSpec(Spec):
     wavelength_nm: Annotated[Positive, Field(description="a number above 0, in nanometres")]
     quantum_efficiency: Annotated[Positive, Field(le=1, description="a number above 0, at most 1")]
     full_well_e: Annotated[Positive, Field(description="a number above 0, in electrons")]
-    # Eqs. 12 and 13 are made of the dark noise alone: without any they are no noise model.
+    # Eqs. 12 and 13 consist of the dark noise alone: without any they are not a noise model.
     read_noise_e: Annotated[Positive, Field(description="a number above 0, in electrons")]
     bits: Annotated[int, Field(strict=True, ge=8, le=16, description="a whole number from 8 to 16")]
     black_level_dn: Annotated[int, Field(strict=True, ge=0, description="a whole number, 0 or more")]
@@ -135,11 +134,11 @@ class SensorFileSpec(Spec):
 
 
 class SensorSpec(SensorFileSpec):
-    """[sensor]: one for all cameras. With `name` it starts from that sensor, and its own keys go before."""
+    """[sensor]: one for all cameras. With `name` it starts from that sensor, and its own keys take precedence."""
 
     name: Annotated[str, Field(strict=True)] | None = Field(None, description=", ".join(known_sensors()))
     exposure_ms: Annotated[Exposure | Literal["auto"], Field(description=f'{EXPOSURE}, or "auto"')]
-    # No numbers for defaults: beside an exposure in numbers, these keys say nothing.
+    # No numbers as defaults: with a numeric exposure, these keys have no effect.
     auto_exposure_share: Annotated[Number, Field(gt=0, le=1)] | None = Field(
         None, description=f"a number above 0, at most 1, of the saturation (without it, {AutoExposure.share:g})"
     )
@@ -147,7 +146,7 @@ class SensorSpec(SensorFileSpec):
         None, description=f"{EXPOSURE} (without it, {AutoExposure.longest_ms:g})"
     )
 
-    # Another name is another sensor, not the old one's numbers under a new name.
+    # Another name means another sensor, not the old one's numbers under a new name.
     replaces: ClassVar = {"name": tuple(SensorFileSpec.model_fields)}
 
 
@@ -172,7 +171,7 @@ class LensSpec(Spec):
 
 
 class CameraSpec(Spec):
-    """[[cameras]]: looks at `aim_m`, or along `pan_deg` and `tilt_deg`."""
+    """[[cameras]]: aimed at `aim_m`, or along `pan_deg` and `tilt_deg`."""
 
     name: Name
     position_m: Point
@@ -187,7 +186,7 @@ class CameraSpec(Spec):
 
 
 class PlacedSpec(Spec):
-    """[[markers.placed]]: one marker by hand, `centre_m` on the surface of the object."""
+    """[[markers.placed]]: a single marker, with `centre_m` on the surface of the object."""
 
     id: MarkerId
     object: Name
@@ -198,7 +197,7 @@ class PlacedSpec(Spec):
 
 
 class MarkersSpec(Spec):
-    """[markers]: how all markers are printed."""
+    """[markers]: the print of all markers."""
 
     dictionary: Annotated[Literal[tuple(DICTIONARIES)], Field(description=", ".join(DICTIONARIES))]
     quiet_zone_modules: Annotated[Number, Field(ge=0, description="a number, 0 or more, in modules")]
@@ -208,7 +207,7 @@ class MarkersSpec(Spec):
 
 
 class GridSpec(Spec):
-    """Markers in the even cells of a grid on a rectangle's front, row by row from top left."""
+    """Markers in the equal cells of a grid on a rectangle's front, row by row from top left."""
 
     columns: Count
     rows: Count
@@ -283,7 +282,7 @@ class ConstantAccelerationSpec(Spec):
 
 
 class NoiseSpec(Spec):
-    """[noise]: the predictions of a run; factors are left out, or weighted, in each model that has them."""
+    """[noise]: the predictions of a run; factors are switched off, or weighted, in each model that has them."""
 
     models: Annotated[
         tuple[Text, ...],
@@ -305,7 +304,7 @@ class NoiseSpec(Spec):
 
 
 class MetricSpec(Spec):
-    """[metric]: what predictions count as seen; may be left out."""
+    """[metric]: the markers that count as visible in predictions; optional."""
 
     visibility: Annotated[
         Text, Field(description=f"{', '.join(VISIBILITIES)}, or the path of a calibration (.toml)")

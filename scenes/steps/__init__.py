@@ -1,1 +1,1 @@
-"""What varies over a run: sweep files, schedule files, and the configurations that they make."""
+"""What varies over a run: sweep files, schedule files, and the configurations they define."""

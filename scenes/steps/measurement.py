@@ -1,4 +1,4 @@
-"""A scene measured as it is: a sweep of one step, made of the scene file alone."""
+"""Measurement of a scene as it is: a sweep of one step, built from the scene file alone."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ if TYPE_CHECKING:
 __all__ = ["SEED", "TRIALS", "measurement_of"]
 
 TRIALS, SEED = 20, 2011
-"""As the project's own sweeps have them, so that views and measurements are shared with theirs."""
+"""The project's own defaults, so that views and measurements are shared with its sweeps."""
 
 
 def measurement_of(scene: Scene, cameras: Sequence[str] = (), overrides: Iterable[str] = ()) -> SweepFile:
-    """A sweep of one step, which goes by the scene file's name.
+    """A sweep of one step, with the scene file's name.
 
     Args:
-        scene: as it was loaded.
-        cameras: names of those that take part; all if there are none.
-        overrides: those count that begin with "sweep.", such as "sweep.trials=5".
+        scene: the loaded scene.
+        cameras: names of the cameras to use; all if empty.
+        overrides: those that begin with "sweep.", such as "sweep.trials=5", are applied.
 
     Raises:
         SceneError: a camera that the scene lacks, or an override that is not allowed.

@@ -1,4 +1,4 @@
-"""[vary] with steps that differ in the scene itself: sensor, lens, light, objects, or several keys at once."""
+"""[vary] with steps that change the scene itself: sensor, lens, light, objects, or several keys at once."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class SceneStepsSpec(Spec):
 
 
 def check_steps(draft: SceneStepsSpec, problems: Problems) -> None:
-    """As many of everything as there are values."""
+    """Report lists of another length than the values."""
     if draft.values is None:
         return
     count = len(draft.values)
@@ -48,15 +48,15 @@ def check_steps(draft: SceneStepsSpec, problems: Problems) -> None:
     if draft.active is not None and len(draft.active) != count:
         problems.add(("vary", "active"), f"as many as the values, {count}")
     if draft.active is not None and problems.given(("active",)):
-        problems.add(("active",), "no active beside vary.active, which says who is")
+        problems.add(("active",), "no active beside vary.active, which names the cameras")
 
 
 def scenes_of_steps(vary: SceneStepsSpec, scene: Scene, problems: Problems) -> Iterator[tuple[float, Scene]]:
-    """Each value with the scene of its step; a step that is no scene, or shows other markers, is a problem."""
+    """Each value with the scene of its step; an invalid scene, or one with other markers, is a problem."""
     if scene.auto_exposure is not None:
-        problems.say(
-            'vary.parameter = "scene", and the scene says sensor.exposure_ms = "auto"; allowed: a number of ms, '
-            "since steps of another light or sensor would each ask for another exposure"
+        problems.report(
+            'vary.parameter = "scene", and the scene has sensor.exposure_ms = "auto"; allowed: a number of ms, '
+            "since the exposure would differ between steps of different light or sensors"
         )
         return
     for number, value in enumerate(vary.values):
@@ -66,16 +66,16 @@ def scenes_of_steps(vary: SceneStepsSpec, scene: Scene, problems: Problems) -> I
             changed = scene.with_settings(settings)
         except SceneError as error:
             for line in error.problems:
-                problems.say(f"{where}: {line}")
+                problems.report(f"{where}: {line}")
             continue
-        # Points are compared from step to step, and so are noise models.
+        # Points are compared between steps, and so are noise models.
         for what, kept in (
             ("markers of the same ids on the same objects", _markers(changed) == _markers(scene)),
             ("the same noise models", _models(changed) == _models(scene)),
             ("an exposure that is a number of ms", changed.auto_exposure is None),
         ):
             if not kept:
-                problems.say(f"{where}; allowed: {what} at every step")
+                problems.report(f"{where}; allowed: {what} at every step")
         yield float(value), changed
 
 

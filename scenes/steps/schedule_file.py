@@ -1,4 +1,4 @@
-"""A schedule file: two people who walk past each other, and the strategies by which cameras follow them."""
+"""A schedule file: two people who walk past each other, and the strategies that steer the cameras."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ __all__ = [
 ]
 
 SCHEDULES = Path(__file__).parents[1] / "schedules"
-"""Where the schedules that go by a bare name are."""
+"""The folder of the schedules known by name."""
 
 SURROGATES = ("cylinder", "box", "mesh", "markers")
 UNLIMITED = "none"
@@ -60,7 +60,7 @@ class TargetSpec(Spec):
 
 
 class MotorsSpec(Spec):
-    """[motors]: `pss.cameras.motor_limits.PTZLimits`, but for the zoom's range; what is left out is not limited."""
+    """[motors]: `pss.cameras.motor_limits.PTZLimits`, except for the zoom's range; a missing key means no limit."""
 
     pan_range_deg: Range | None = Field(None, description="[lowest, highest], in degrees")
     tilt_range_deg: Range | None = Field(None, description="[lowest, highest], in degrees")
@@ -75,7 +75,7 @@ class MotorsSpec(Spec):
 
 
 class TrackingSpec(Spec):
-    """[tracking]: what the cameras are steered by."""
+    """[tracking]: the tracker by which the cameras are steered."""
 
     frame_rate_hz: Rate = 30.0
     sigma_m: Metres = 0.03
@@ -85,7 +85,7 @@ class TrackingSpec(Spec):
 
 
 class ProcessRateSpec(Spec):
-    """[process]: constant velocity, of the metric and of the filters."""
+    """[process]: constant velocity, for the metric and for the filters."""
 
     acceleration_density_m2_s3: Density = 0.1
     frame_rate_hz: Rate = 30.0
@@ -100,7 +100,7 @@ class RealWalkSpec(Spec):
 
 
 class ScheduleSpec(Spec):
-    """A whole schedule file; `scene` is a path from where the file is."""
+    """A whole schedule file; `scene` is a path relative to it."""
 
     removed: ClassVar[dict[str, str]] = {"search": ONE_SEARCH}
 
@@ -135,10 +135,10 @@ class ScheduleSpec(Spec):
 
 @dataclass(frozen=True)
 class ScheduleFile:
-    """What a schedule file says.
+    """The contents of a schedule file.
 
     Attributes:
-        name: the file's name without its ending.
+        name: the file's name without its suffix.
         path: of the file.
         scene_path: of the scene file.
         spec: its tables.
@@ -151,23 +151,22 @@ class ScheduleFile:
 
     @property
     def zoom_limits(self) -> tuple[float | None, ...]:
-        """The highest zooms that the runs may use, None for one without a limit."""
+        """The upper zoom limits of the runs, None for no limit."""
         return tuple(None if limit == UNLIMITED else float(limit) for limit in self.spec.zoom_limits)
 
     def resolved(self) -> dict[str, Any]:
-        """The file's contents with overrides and defaults filled in: plain, JSON-serialisable, a valid file itself."""
+        """The file's contents with overrides and defaults applied: plain, JSON-serialisable, a valid file itself."""
         return self.spec.model_dump(mode="json", by_alias=True, exclude_none=True)
 
 
 def load_schedule(
     path_or_name: str | Path, overrides: Iterable[str] = (), *, allow_outside: bool = False
 ) -> ScheduleFile:
-    """The schedule in the TOML file at a path, or of a name among those that come with the project ("hallway").
-
-    Of `overrides` those count that begin with "sweep.", such as "sweep.walk.steps=11".
+    """The schedule in the TOML file at a path, or one of the project's by name ("hallway").
 
     Args:
-        allow_outside: whether it may name a scene anywhere; if not, `scenes.reading.inside.scene_of` says where.
+        overrides: those that begin with "sweep.", such as "sweep.walk.steps=11", are applied.
+        allow_outside: whether its scene may be anywhere; if not, see `scenes.reading.inside.scene_of`.
 
     Raises:
         SceneError: with every problem of the file and the overrides, a line each.
@@ -184,7 +183,7 @@ def load_schedule(
 
 
 def _check_frames(draft: ScheduleSpec, problems: Problems) -> None:
-    """No walk takes more frames than a run can hold."""
+    """Report walks with more frames than a run allows."""
     walk = draft.walk
     if walk is None or not known(walk.reach_m, walk.speed_m_per_s):
         return
@@ -193,7 +192,7 @@ def _check_frames(draft: ScheduleSpec, problems: Problems) -> None:
         (("process", "frame_rate_hz"), draft.process and draft.process.frame_rate_hz),
         (("real_walk", "frames_per_s"), draft.real_walk and draft.real_walk.frames_per_s),
     ]
-    # Not divided by the speed, which may be next to nothing.
+    # Not divided by the speed, which may be close to zero.
     fastest = MOST_FRAMES * walk.speed_m_per_s / 2
     for place, rate in rates:
         if rate is not None and rate * walk.reach_m > fastest:

@@ -1,4 +1,4 @@
-"""A sweep file: which setting of cameras, which selection of them, or which part of the scene takes which values."""
+"""A sweep file: a camera setting, a selection of cameras, or a part of the scene, and the values it takes."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 __all__ = ["Configuration", "SweepFile", "SweepSpec", "check_sweep", "known_sweeps", "load_sweep", "sweep_of"]
 
 SWEEPS = Path(__file__).parents[1] / "sweeps"
-"""Where the sweeps that go by a bare name are."""
+"""The folder of the sweeps known by name."""
 
 PAPER_SCENE = Path(__file__).parents[1] / "room.toml"
 """The paper's scene of Figures 1 to 3."""
@@ -43,7 +43,7 @@ PAIRS_FIGURE = 3
 
 
 class SweepSpec(Spec):
-    """A whole sweep file; `scene` is a path from where the file is."""
+    """A whole sweep file; `scene` is a path relative to it."""
 
     removed: ClassVar[dict[str, str]] = {"search": ONE_SEARCH}
 
@@ -65,10 +65,10 @@ class SweepSpec(Spec):
 
 @dataclass(frozen=True)
 class SweepFile:
-    """What a sweep file says.
+    """The contents of a sweep file.
 
     Attributes:
-        name: the file's name without its ending.
+        name: the file's name without its suffix.
         path: of the file.
         title: for figures.
         scene_path: of the scene file.
@@ -101,13 +101,13 @@ class SweepFile:
 
     @property
     def varies_scene(self) -> bool:
-        """Whether its steps differ in more than settings and selection of the cameras: a sweep of one factor."""
+        """Whether its steps change more than settings and selection of the cameras."""
         return isinstance(self._spec.vary, SceneStepsSpec)
 
     def paper_figure(self, scene: Scene) -> int | None:
-        """The figure of the paper, 1 to 3, that this is a sweep of: its scene, and what it varies there.
+        """The figure of the paper, 1 to 3, that this sweep reproduces: the paper's scene and varied setting.
 
-        None for any other: the paper claims nothing of other settings or rooms.
+        None for any other: the paper has no claims on other settings or rooms.
         """
         if scene.path.resolve() != PAPER_SCENE.resolve():
             return None
@@ -120,17 +120,16 @@ class SweepFile:
         return None
 
     def resolved(self) -> dict[str, Any]:
-        """The file's contents with overrides and defaults filled in: plain, JSON-serialisable, a valid sweep itself."""
+        """The file's contents with overrides and defaults applied: plain, JSON-serialisable, a valid sweep itself."""
         return self._spec.model_dump(mode="json", by_alias=True, exclude_none=True)
 
 
 def load_sweep(path_or_name: str | Path, overrides: Iterable[str] = (), *, allow_outside: bool = False) -> SweepFile:
-    """The sweep in the TOML file at a path, or of a name among those that come with the project ("zoom").
-
-    Of `overrides` those count that begin with "sweep.", such as "sweep.trials=5".
+    """The sweep in the TOML file at a path, or one of the project's by name ("zoom").
 
     Args:
-        allow_outside: whether it may name a scene anywhere; if not, `scenes.reading.inside.scene_of` says where.
+        overrides: those that begin with "sweep.", such as "sweep.trials=5", are applied.
+        allow_outside: whether its scene may be anywhere; if not, see `scenes.reading.inside.scene_of`.
 
     Raises:
         SceneError: with every problem of the file and the overrides, a line each.
@@ -145,7 +144,7 @@ def load_sweep(path_or_name: str | Path, overrides: Iterable[str] = (), *, allow
 
 
 def sweep_of(spec: SweepSpec, name: str, path: Path, scene_path: Path, document: dict[str, Any]) -> SweepFile:
-    """The sweep of a checked file: `document` is what its messages quote."""
+    """The sweep of a validated file; `document` is the source of values in messages."""
     return SweepFile(
         name=name,
         path=path,
@@ -168,7 +167,7 @@ def known_sweeps() -> list[str]:
 
 
 def check_sweep(draft: SweepSpec, problems: Problems) -> None:
-    """What can be judged without the scene."""
+    """The checks that do not need the scene."""
     check_once(("active",), draft.active, problems)
     match draft.vary:
         case SettingSpec(cameras=cameras, values=values):
@@ -187,24 +186,26 @@ def check_sweep(draft: SweepSpec, problems: Problems) -> None:
                 check_once(("vary", "values"), names, problems)
             check_once(("vary", "values"), ["+".join(sorted(names)) for names in chosen], problems)
             if problems.given(("active",)):
-                problems.add(("active",), "no active where the parameter is selection, as its values say who is")
+                problems.add(("active",), "no active beside parameter = selection, whose values name the cameras")
         case SceneStepsSpec() as steps:
             check_steps(steps, problems)
             check_once(("vary", "values"), [short(value) for value in steps.values or ()], problems)
 
 
 def _check_names_known(spec: SweepSpec, scene: Scene, problems: Problems) -> None:
-    have = [camera.name for camera in scene.cameras]
-    asked: list[tuple[Location, Iterable[str]]] = [(("active",), spec.active or ())]
+    existing = [camera.name for camera in scene.cameras]
+    locations: list[tuple[Location, Iterable[str]]] = [(("active",), spec.active or ())]
     match spec.vary:
         case SettingSpec(cameras=cameras):
-            asked.append((("vary", "cameras"), cameras))
+            locations.append((("vary", "cameras"), cameras))
         case SelectionSpec(always=always, values=values):
-            asked += [(("vary", "with"), always)] + [(("vary", "values"), chosen_names((), value)) for value in values]
+            locations += [(("vary", "with"), always)] + [
+                (("vary", "values"), chosen_names((), value)) for value in values
+            ]
         case SceneStepsSpec(active=active):
-            asked += [(("vary", "active"), names) for names in active or ()]
-    for location, names in asked:
+            locations += [(("vary", "active"), names) for names in active or ()]
+    for location, names in locations:
         for name in names:
-            if name not in have:
-                hint, _ = nearest(name, have)
-                problems.add(location, f"{', '.join(have)} (the cameras of {scene.path}){hint}", value=name)
+            if name not in existing:
+                hint, _ = nearest(name, existing)
+                problems.add(location, f"{', '.join(existing)} (the cameras of {scene.path}){hint}", value=name)

@@ -1,4 +1,4 @@
-"""[vary] of a sweep file: settings or selections of cameras, and the configurations that they and scene steps make."""
+"""[vary] of a sweep file: settings or selections of cameras, and the configurations of these and of scene steps."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ __all__ = [
 
 SETTINGS = ("zoom", "focus_distance_m", "pan_deg", "tilt_deg", "f_number")
 
-# Steps of a line differ from the same numbers written as a list by rounding alone; beyond that they must be the same
-# numbers, since a view is stored under the hash of its settings.
+# Steps of a line differ from the same numbers written as a list by rounding only; rounded to this many digits they are
+# equal, as they must be, since a view is stored under the hash of its settings.
 LINE_DIGITS = 12
 
 Names = Annotated[
@@ -64,7 +64,7 @@ class SettingSpec(Spec):
 
 
 class SelectionSpec(Spec):
-    """[vary] with the cameras that take part."""
+    """[vary] with the active cameras."""
 
     parameter: Literal["selection"]
     always: Annotated[
@@ -82,9 +82,9 @@ class SelectionSpec(Spec):
 
 @dataclass(frozen=True)
 class Configuration:
-    """One step of a sweep: `label` for tables, the varied `parameter` with its `value`, and the cameras that look.
+    """One step of a sweep: `label` for tables, the varied `parameter` with its `value`, and the active cameras.
 
-    `scene` is what they look at, with sensor, process and noise models: the sweep's own but where that is varied.
+    `scene` is their scene, with sensor, process and noise models: the sweep's own, unless the scene is varied.
     """
 
     label: str
@@ -100,7 +100,7 @@ def configurations_of(
     scene: Scene,
     problems: Problems,
 ) -> list[Configuration]:
-    """The steps of a sweep with the cameras of `scene`, in the scene's order; what is wrong goes to `problems`."""
+    """The steps of a sweep with the cameras of `scene`, in the scene's order; errors go to `problems`."""
     make = {SettingSpec: _settings, SelectionSpec: _selections, SceneStepsSpec: _scene_steps}[type(vary)]
     return make(vary, active, scene, problems)
 
@@ -121,18 +121,18 @@ def _settings(
                 if varied and vary.parameter == "f_number" and value < scene.widest_f_number:
                     refused.setdefault(aperture_allows(scene.widest_f_number), []).append(camera.name)
             except RangeError as error:
-                refused.setdefault(_culprit(error, vary.parameter), []).append(camera.name)
+                refused.setdefault(_allowed_text(error, vary.parameter), []).append(camera.name)
         for allowed, names in refused.items():
-            who = f"camera {names[0]}" if len(names) == 1 else f"cameras {', '.join(names)}"
-            problems.add(("vary", "values"), f"{allowed} ({vary.parameter} of {who})", value=value)
+            which = f"camera {names[0]}" if len(names) == 1 else f"cameras {', '.join(names)}"
+            problems.add(("vary", "values"), f"{allowed} ({vary.parameter} of {which})", value=value)
         found.append(Configuration(f"{vary.parameter}={short(value)}", vary.parameter, value, tuple(cameras), scene))
     return found
 
 
-def _culprit(error: RangeError, parameter: str) -> str:
-    """What is allowed; with the name of the setting that is not, if it is not the varied one (zoom moves the focus)."""
+def _allowed_text(error: RangeError, parameter: str) -> str:
+    """What is allowed, with the name of the rejected setting if it is not the varied one (zoom changes the focus)."""
     name = str(error).partition(" = ")[0]
-    return allowed_in(error) if name == parameter else f"values that leave {name} {allowed_in(error)}"
+    return allowed_in(error) if name == parameter else f"values with {name} {allowed_in(error)}"
 
 
 def _selections(vary: SelectionSpec, _active: None, scene: Scene, _problems: Problems) -> list[Configuration]:
@@ -170,5 +170,5 @@ def _values(values: tuple[float, ...] | LineSpec) -> list[float]:
 
 
 def short(value: float) -> str:
-    """A value as labels have it."""
+    """A value as in labels."""
     return f"{value:g}"

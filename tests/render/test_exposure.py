@@ -178,7 +178,7 @@ def test_auto_by_override_with_its_keys(tmp_path):
 
 def test_its_keys_without_auto_are_a_warning(tmp_path):
     (warning,) = load(tmp_path, ROOM, "sensor.auto_exposure_share=0.5").warnings
-    assert warning.endswith('warning: sensor.auto_exposure_share = 0.5; has no effect but beside exposure_ms = "auto"')
+    assert warning.endswith('warning: sensor.auto_exposure_share = 0.5; has no effect without exposure_ms = "auto"')
 
 
 def chosen(folder, sweeps, *overrides, text=AUTO):

@@ -17,7 +17,7 @@ from render.keys import state_key
 from scenes import SceneError
 from scenes.markers.layout import PLATE_OFFSET_M, plate_corners_m
 from scenes.markers.spread import spread_over
-from scenes.mesh_file import holds, posed
+from scenes.mesh_file import contains, posed
 
 FOLDER = Path(scenes.__file__).parent
 ROOM = (FOLDER / "room.toml").read_text()
@@ -128,7 +128,7 @@ def test_what_is_inside_a_closed_mesh():
     mesh = Mesh("crate", np.array(body.vertices), np.array(body.faces))
     points = np.random.default_rng(1).uniform((-0.5, -0.5, -0.2), (0.5, 0.5, 0.8), (300, 3))
     inside = ((np.abs(points[:, :2]) < 0.3).all(axis=1)) & (points[:, 2] > 0) & (points[:, 2] < 0.6)
-    assert [holds(mesh, point) for point in points] == inside.tolist()
+    assert [contains(mesh, point) for point in points] == inside.tolist()
     assert 10 < inside.sum() < 290
 
 

@@ -55,7 +55,7 @@ def test_a_calibration_is_named_by_its_path_from_the_scene(room, monkeypatch, tm
 def test_a_calibration_outside_the_folder_needs_the_option(room):
     for key in ("noise.models", "metric.visibility"):
         value = '["../outside.toml"]' if key == "noise.models" else "../outside.toml"
-        assert "leads outside (--allow-outside lets it)" in problem(room, f"{key}={value}")
+        assert "leads outside (--allow-outside permits it)" in problem(room, f"{key}={value}")
         scenes.load(room, (f"{key}={value}",), allow_outside=True)
 
 

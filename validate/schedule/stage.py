@@ -55,8 +55,8 @@ class Stage:
     @property
     def groups(self) -> dict[str, Bools]:
         """Which of the scene's markers are on each avatar, and on both, (N,) each."""
-        worn_by = np.array([marker.object_name for marker in self.scene.state.markers])
-        of_avatars = {name: worn_by == name for name in self.names}
+        avatar_markers = np.array([marker.object_name for marker in self.scene.state.markers])
+        of_avatars = {name: avatar_markers == name for name in self.names}
         return {**of_avatars, BOTH: np.any(list(of_avatars.values()), axis=0)}
 
     def at(self, time_s: float, moving: bool = False) -> Scene:
