@@ -334,7 +334,7 @@ BROKEN = {
         [("fov_deg = 90.0", "fov_deg = 90.0\nradial_distortion = [-3.0, 0.0]")],
         "lens.radial_distortion",
         "[-3.0, 0.0]",
-        "all of the sensor",
+        "the whole sensor",
     ),
     "psf": ([("fov_deg = 90.0", "fov_deg = 90.0\npsf_sigma_um = -1")], "lens.psf_sigma_um", "-1", "0 or more"),
     "field of view": ([("fov_deg = 90.0", "fov_deg = 180")], "lens.widest_fov_deg", "180", "below 180"),
