@@ -35,7 +35,8 @@ def test_the_worked_example_prints_what_the_page_says():
 
 
 def test_the_names_on_the_page_exist():
-    places = [pss, *(importlib.import_module(f"pss.{name}") for name in ("aggregation", "riccati", "surrogates"))]
+    modules = ("metric.aggregation", "riccati.solve", "surrogates")
+    places = [pss, *(importlib.import_module(f"pss.{name}") for name in modules)]
     places += [pss.noise, pss.Evaluation, pss.PTZCamera, pss.Aggregation]
     called = set(re.findall(r"`([A-Za-z_]\w*(?:\.\w+)*)\(?[^`]*`", re.sub(r"```.*?```", "", PAGE, flags=re.DOTALL)))
     missing = []
