@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import csv
 import io
 import re
@@ -12,7 +11,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import validate
 from validate.runs.csv_file import csv_text, read_csv, read_head
 from validate.runs.renamed_columns import RENAMED_COLUMNS
 from validate.runs.table_text import table_text
@@ -50,16 +48,6 @@ def test_what_is_read_is_what_was_written(tmp_path_factory, rows, head):
     assert [tuple(row.values()) for row in read_csv(path)] == rows
     for row in csv.reader(io.StringIO(csv_text(["a", "b"], rows), newline="")):
         assert not [cell for cell in row if cell.startswith(COMPUTED) and not re.fullmatch(r"\s*[-+][\d.]+\s*", cell)]
-
-
-def test_only_one_module_reads_and_writes_csv():
-    folder = Path(validate.__file__).parent
-    found = set()
-    for path in folder.rglob("*.py"):
-        imported = [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Import)]
-        if any(alias.name == "csv" for node in imported for alias in node.names):
-            found.add(path.name)
-    assert found == {"csv_file.py"}
 
 
 def test_columns_of_version_0_1_are_read_under_their_present_names(tmp_path):
