@@ -8,6 +8,7 @@ import pytest
 
 from pss import METRICS, PTZCamera, RangeError, evaluate
 from pss.metric.table import ENTRY_POINTS, STATUS_MEANING, Metric, MetricTable
+from tests.helpers.entry_points import Entry
 
 CAMERAS = [PTZCamera((x, -4, 1), 0, 0).aimed_at((0, 0, 1)) for x in (-2, 2)]
 POINTS, NORMALS = [[0, 0, 1], [0.1, 0, 1]], [[0, -1, 0]] * 2
@@ -15,19 +16,6 @@ POINTS, NORMALS = [[0, 0, 1], [0.1, 0, 1]], [[0, -1, 0]] * 2
 
 def metric(name, value=1.0, higher_is_better=True):
     return Metric(name, lambda evaluation: value, higher_is_better, "a test")
-
-
-class Entry:
-    """What `importlib.metadata.entry_points` gives, as far as the table asks."""
-
-    def __init__(self, name, content):
-        self.name, self.value, self.content, self.loaded = name, f"elsewhere:{name}", content, 0
-
-    def load(self):
-        self.loaded += 1
-        if isinstance(self.content, Exception):
-            raise self.content
-        return self.content
 
 
 @pytest.fixture

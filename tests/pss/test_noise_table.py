@@ -12,8 +12,8 @@ from pss import NOISE_MODELS, Appearance, ImageSensor, NoiseModel, NoiseSettings
 from pss.noise import Calibration, IdentityNoise, NoiseTable, shipped_calibration
 from pss.noise.table import ENTRY_POINTS, SHIPPED_CALIBRATION
 from pss.visibility.targets import Legible, visibility_tests
+from tests.helpers.entry_points import Entry
 from tests.helpers.installed import own_noise
-from tests.pss.test_metric_table import Entry
 
 CAMERA = PTZCamera((0, 0, 0), 0, 0)
 POINTS = np.array([[0.0, 5.0, 0.0], [0.5, 4.0, 0.2]])
