@@ -29,7 +29,6 @@ __all__ = [
     "fill_well",
     "fixed_pattern",
     "mean_charge",
-    "photoelectrons",
     "read_out",
     "relative_illumination",
     "saturated_share",
@@ -75,11 +74,6 @@ def relative_illumination(camera: PTZCamera) -> AnyFloats:
     squared = (undistorted(bent, *camera.radial_distortion) ** 2).sum(axis=-1)
     factor, derivative = stretch(squared, *camera.radial_distortion)
     return 1 / (1 + squared) ** 2 / (factor * (factor + 2 * squared * derivative))
-
-
-def photoelectrons(photons: AnyFloats, sensor: ImageSensor) -> AnyFloats:
-    """Mean photoelectrons of a mean of `photons` on each pixel (any shape): quantum efficiency."""
-    return photons * sensor.quantum_efficiency
 
 
 def expected_electrons(radiance_w_per_m2_sr: AnyFloats, camera: PTZCamera, sensor: ImageSensor) -> AnyFloats:

@@ -14,7 +14,6 @@ from pss.rivals.shared import Pairs, both_conventions, view_pairs
 
 __all__ = [
     "ANGLE_METRICS",
-    "LARGEST_ANGLE_DEG",
     "SMALLEST_ANGLE_DEG",
     "best_pair_m2",
     "triangulable",
@@ -23,7 +22,6 @@ __all__ = [
 
 # Rays that meet at less than 40° or more than 140° do not count as triangulation.
 SMALLEST_ANGLE_DEG = 40.0
-LARGEST_ANGLE_DEG = 180.0 - SMALLEST_ANGLE_DEG
 # Tolerance, so that rounding does not decide for points seen under exactly 40°.
 COS_ROUNDING = 1e-12
 

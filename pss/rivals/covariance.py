@@ -26,7 +26,6 @@ __all__ = [
     "e_optimality_m2",
     "gdop_m",
     "quantisation_volume_m3",
-    "uncertainty_reward_m2",
     "worst_diagonal_m2",
 ]
 
@@ -111,17 +110,13 @@ def _t_optimality_count_zero(evaluation: Evaluation) -> Floats:
     return np.where(evaluation.observable, np.sqrt(_t_optimality(evaluation)), 0.0)
 
 
-def uncertainty_reward_m2(evaluation: Evaluation, prior_sigma_m: float = PRIOR_SIGMA_M) -> float:
-    """m², Σ over points of ‖P⁻‖_F − ‖P⁺‖_F, P⁻ = σ²I the same for all configurations. More is better.
+def _rewards(evaluation: Evaluation, prior_sigma_m: float = PRIOR_SIGMA_M) -> Floats:
+    """m², ‖P⁻‖_F − ‖P⁺‖_F of each point, (N,), P⁻ = σ²I the same for all configurations.
 
     Source: Stone Soup's UncertaintyRewardFunction. There P⁻ is the track's covariance before the choice, so that it
-    must not depend on it. With 1 m against millimetres this nearly counts visible points: √3 m² for a point that is
+    must not depend on it. With 1 m against millimetres the sum nearly counts visible points: √3 m² for a point that is
     determined, √3 − 1 for one that a single camera sees, 0 for one that no camera sees.
     """
-    return float(_rewards(evaluation, prior_sigma_m).sum())
-
-
-def _rewards(evaluation: Evaluation, prior_sigma_m: float = PRIOR_SIGMA_M) -> Floats:
     information = evaluation.information[:, :3, :3] + np.eye(3) / prior_sigma_m**2
     return np.asarray(math.sqrt(3) * prior_sigma_m**2 - np.linalg.norm(np.linalg.inv(information), axis=(1, 2)))
 

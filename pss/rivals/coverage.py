@@ -17,7 +17,6 @@ from pss.visibility.expected import probability_of_at_least
 __all__ = [
     "COVERAGE_METRICS",
     "camera_strength",
-    "visibility_count",
 ]
 
 
@@ -46,15 +45,8 @@ TARGET_VIEWS = 4
 REFERENCE_DISTANCE_M = 2.0
 
 
-def visibility_count(evaluation: Evaluation, enough: int = ENOUGH_CAMERAS) -> float:
-    """Mean over points of min(m, k)/k, with m cameras that see the point, 0 to 1. More is better.
-
-    With `evaluate(…, detection=…)` its expectation, with m cameras that find the point.
-    """
-    return float(_counts(evaluation, enough).mean())
-
-
 def _counts(evaluation: Evaluation, enough: int = ENOUGH_CAMERAS) -> Floats:
+    """min(m, k)/k of each point that m cameras see, (N,), 0 to 1; with `detection` its expectation, m finding it."""
     if evaluation.detection is not None:
         return np.asarray(probability_of_at_least(evaluation.detection, enough).mean(axis=0))
     return np.asarray(np.minimum(evaluation.visible.sum(axis=0), enough) / enough)

@@ -12,14 +12,12 @@ from typing import Protocol
 
 import numpy as np
 
-from pss.cameras.camera import PTZCamera, as_points
 from pss.cameras.views import Views
-from pss.errors import RangeError, ShapeError
-from pss.hints import Bools, Floats
-from pss.inputs import members
+from pss.errors import RangeError
+from pss.hints import Bools
 from pss.surrogates import Shape, any_blocks
 
-__all__ = ["VISIBILITY_TESTS", "FieldOfView", "Occlusion", "SelfOcclusion", "VisibilityTest", "visible_points"]
+__all__ = ["VISIBILITY_TESTS", "FieldOfView", "Occlusion", "SelfOcclusion", "VisibilityTest", "visible_in"]
 
 
 # A line of sight ends this far in front of its point, so that the surface at the point does not occlude it.
@@ -106,29 +104,3 @@ def visible_in(
     for test in tests:
         seen &= test.passed(views, seen, occluder)
     return seen
-
-
-def visible_points(
-    cameras: Sequence[PTZCamera],
-    points_m: Floats,
-    normals: Floats,
-    occluder: Sequence[Shape] = (),
-    tests: Sequence[VisibilityTest] = VISIBILITY_TESTS,
-) -> Bools:
-    """Whether each camera sees each point (section 4.1, field of view and occlusion).
-
-    Args:
-        points_m: m, (N, 3).
-        normals: unit outward normals, (N, 3); a point whose surface faces away is occluded by its own object.
-        occluder: shapes that block lines of sight, including the objects that bear the points.
-        tests: the tests to apply, in this order.
-
-    Returns:
-        (C, N) booleans.
-    """
-    points, directions = as_points(points_m), as_points(normals, "normals")
-    if points.ndim != 2 or points.shape != directions.shape:
-        raise ShapeError(f"points_m {points.shape} and normals {directions.shape}; allowed are two alike, (N, 3)")
-    views = Views(members(cameras, "cameras", "focal_px", "cameras"), points, directions)
-    shapes = members(occluder, "occluder", "blocks", "shapes")
-    return visible_in(views, shapes, members(tests, "tests", "passed", "visibility tests"))

@@ -33,7 +33,7 @@ from render.images import one_line, open_image
 from render.keys import view_code
 from render.renderer import Certificate, RenderedView, ViewRequest
 
-__all__ = ["ImageFileError", "ViewPlanes", "read_certificate", "read_planes", "read_view", "write_view"]
+__all__ = ["ImageFileError", "ViewPlanes", "read_planes", "read_view", "write_view"]
 
 # OpenEXR's channels, in the order in which they are written.
 CHANNELS = ("Y", "capture.Y", "depth.Z", "normal.X", "normal.Y", "normal.Z", "marker.id")
@@ -154,16 +154,6 @@ def read_planes(path: Path, names: Sequence[str]) -> ViewPlanes:
         _check_planes(path, planes, camera, (spec.width, spec.height))
         sensor = ImageSensor(**_attribute(path, spec, "sensor"))
         return ViewPlanes(spec.get_string_attribute("pss:key"), camera, sensor, planes)
-
-
-def read_certificate(path: Path) -> Certificate:
-    """The certificate in a view's header, without reading its pixels.
-
-    Raises:
-        ImageFileError: as `read_view`, except for damage to the pixels.
-    """
-    with _opened(path) as image:
-        return _certificate(path, image.spec())
 
 
 def _check_planes(path: Path, planes: dict[str, Any], camera: PTZCamera, size: tuple[int, int]) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import ImageSensor, PTZCamera
-from render.sensor import capture, fixed_pattern, photoelectrons
+from render.sensor import capture, fixed_pattern
 
 Floats = NDArray[np.float64]
 Frame = NDArray[np.uint16]
@@ -52,7 +52,7 @@ class Laboratory:
         self._taken += 1
         sensor = dataclasses.replace(self.sensor, exposure_ms=exposure_s * 1e3)
         rng = np.random.default_rng(np.random.SeedSequence([self._seed, self._taken]))
-        return capture(photoelectrons(np.full(self._shape, photons), sensor), sensor, rng, self._pattern)
+        return capture(sensor.quantum_efficiency * np.full(self._shape, photons), sensor, rng, self._pattern)
 
     def exposures(self, levels: int) -> list[tuple[float, float]]:
         """(mean photons a pixel, seconds) of evenly spaced levels up to beyond saturation."""

@@ -11,7 +11,7 @@ import pytest
 
 from pss import RangeError
 from pss.json_text import as_json, json_text
-from render.files.exr import read_certificate, write_view
+from render.files.exr import read_view, write_view
 from render.renderer import Certificate
 from render.store.checksums import sum_path
 from render.store.folder import Store
@@ -70,7 +70,7 @@ def test_a_view_without_edges_of_markers_is_stored_as_json(tmp_path):
     for name, text in texts.items():
         if name != "pss:key":
             strict(text)
-    assert math.isnan(read_certificate(tmp_path / "view.exr").edge_p999)
+    assert math.isnan(read_view(tmp_path / "view.exr").certificate.edge_p999)
 
     store = Store(tmp_path / "store")
     save_view(store, view, request, 1.5)

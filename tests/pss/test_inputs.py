@@ -35,7 +35,6 @@ from pss.surrogates import (
     single_point,
     subsample_to_tolerance,
 )
-from pss.visibility.points import visible_points
 
 POINTS = np.random.default_rng(1).uniform(-0.5, 0.5, (30, 3)) + [0.0, 2.0, 1.0]
 NORMALS = np.broadcast_to([0.0, -1.0, 0.0], POINTS.shape).copy()
@@ -53,8 +52,6 @@ ARRAYS: dict[str, tuple[Call, Any]] = {
     "evaluate points_m": (lambda v: pss.evaluate(CAMERAS, v, NORMALS).pss, POINTS),
     "evaluate normals": (lambda v: pss.evaluate(CAMERAS, POINTS, v).pss, NORMALS),
     "evaluate_many points_m": (lambda v: pss.evaluate_many([CAMERAS], v, NORMALS).pss, POINTS),
-    "visible_points points_m": (lambda v: visible_points(CAMERAS, v, NORMALS), POINTS),
-    "visible_points normals": (lambda v: visible_points(CAMERAS, POINTS, v), NORMALS),
     "PTZCamera position_m": (lambda v: pss.PTZCamera(v, 0, 0).translation_m, (1.0, 2.0, 3.0)),
     "PTZCamera resolution": (lambda v: pss.PTZCamera((0, 0, 1), 0, 0, resolution=v).focal_px, (640, 480)),
     "PTZCamera distortion": (
@@ -128,8 +125,6 @@ LISTS: dict[str, tuple[Call, Any]] = {
     "sensors": (lambda v: pss.evaluate(CAMERAS, POINTS, NORMALS, sensors=v).pss, [pss.PositionFix(0.1)]),
     "visibility": (lambda v: pss.evaluate(CAMERAS, POINTS, NORMALS, visibility=v).pss, [pss.FieldOfView()]),
     "process": (lambda v: pss.evaluate(CAMERAS, POINTS, NORMALS, process=v).pss, [pss.RandomWalk()] * 30),
-    "visible_points": (lambda v: visible_points(v, POINTS, NORMALS), CAMERAS),
-    "visible_points occluder": (lambda v: visible_points(CAMERAS, POINTS, NORMALS, v), [BALL]),
     "PerPoint models": (lambda v: pss.PerPoint(v, [0, 0]).index, [pss.RandomWalk()]),
     "NoiseModel": (lambda v: pss.NoiseModel("m", v).name, pss.noise_model("as-printed").factors),
     "Surrogate.join": (lambda v: len(Surrogate.join(v)), [Surrogate(POINTS, NORMALS, "s")] * 2),

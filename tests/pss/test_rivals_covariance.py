@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
 from pss import PositionFix, PTZCamera, RandomWalk, evaluate
-from pss.rivals.covariance import PRIOR_SIGMA_M, quantisation_volume_m3, uncertainty_reward_m2, worst_diagonal_m2
+from pss.rivals.covariance import PRIOR_SIGMA_M, quantisation_volume_m3, worst_diagonal_m2
 from pss.rivals.entropy import DETECTION_PROBABILITY, expected_log_determinant
 from pss.rivals.planar import planar_variance_m2
 from tests.helpers.rivals import CAMERAS, TARGET, look, random_cameras, ring, scene, score, single, towards
@@ -197,7 +197,6 @@ def test_the_uncertainty_reward_of_a_sharp_view_counts_what_is_seen():
         assert score("uncertainty-reward", look(cameras, noise="identity")) == pytest.approx(expected, abs=1e-4)
     twice = look(RIGHT_ANGLES, [TARGET, TARGET], noise="identity")
     assert score("uncertainty-reward", twice) == pytest.approx(2 * math.sqrt(3), abs=2e-4)
-    assert uncertainty_reward_m2(twice, 2.0) == pytest.approx(8 * math.sqrt(3), abs=2e-4)
 
 
 def test_at_the_steady_state_the_reward_is_what_the_walk_adds():

@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 from pss import PTZCamera, evaluate
-from pss.rivals import coverage, occlusion
+from pss.rivals import occlusion
 from pss.rivals.angles import best_pair_m2
 from pss.rivals.coverage import camera_strength
 from tests.helpers.rivals import (
@@ -39,7 +39,6 @@ def test_visibility_count_by_hand():
     result = look(ring(0, 90, 180, 270), np.tile(TARGET, (5, 1)))
     mask = np.arange(4)[:, None] < np.arange(5)
     assert score("visibility-count", dataclasses.replace(result, visible=mask)) == pytest.approx(9 / 15)
-    assert coverage.visibility_count(dataclasses.replace(result, visible=mask), 1) == pytest.approx(4 / 5)
 
 
 @pytest.mark.parametrize(("distance_m", "expected"), [(4.0, 0.25), (2.0, 1.0), (1.0, 1.0)])

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from pss import Box, PTZCamera, Rectangle, Sphere
-from pss.visibility.points import CLEARANCE_M, visible_points
+from pss.visibility.points import CLEARANCE_M
+from tests.helpers.visible_points import visible_points
 
 BALL = Sphere("ball", (0, 0, 1), 0.5)
 # A camera 3 m in front of the ball, at its height, and the points of the ball nearest to it, furthest from it, on top.

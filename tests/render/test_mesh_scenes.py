@@ -13,7 +13,6 @@ import trimesh
 import scenes
 from pss import Box, ImageSensor, PTZCamera, Sphere
 from pss.surrogates import Mesh
-from pss.visibility.points import visible_points
 from render import backend
 from render.keys import state_key
 from render.lens.sampling import Sampling
@@ -25,6 +24,7 @@ from render.world import lit_meshes
 from render.world.lit_meshes import SHEET_M, lit_mesh
 from render.world.meshes import FEWEST_PATCHES, MOST_MESH_PATCHES, mesh_patches, patches_needed, shares, skin
 from render.world.state import Light, MarkerPrint, Panel, Room, SceneObject, SceneState
+from tests.helpers.visible_points import visible_points
 
 WORKSHOP = Path(__file__).parents[2] / "scenes" / "workshop.toml"
 BOX = Box("body", (-0.9, -0.9, 0.3), (-0.3, -0.3, 0.9))

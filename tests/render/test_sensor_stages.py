@@ -19,7 +19,6 @@ from render.sensor import (
     fill_well,
     fixed_pattern,
     mean_charge,
-    photoelectrons,
     read_out,
     saturated_share,
     shot_noise,
@@ -89,8 +88,7 @@ def test_photons_become_electrons_by_the_quantum_efficiency():
     joules = irradiance * camera.pixel_pitch_m**2 * SENSOR.exposure_ms * 1e-3
     photons = joules / (scipy.constants.h * scipy.constants.c / 550e-9)
     electrons = expected_electrons(np.full((3, 3), 0.1), camera, SENSOR)[1, 1]
-    assert photoelectrons(np.array(photons), SENSOR) == pytest.approx(electrons, rel=1e-9)
-    assert photoelectrons(np.array(100.0), dataclasses.replace(SENSOR, quantum_efficiency=0.65)) == pytest.approx(65)
+    assert SENSOR.quantum_efficiency * photons == pytest.approx(electrons, rel=1e-9)
 
 
 def test_properties_with_dark_current_and_gain_by_hand():

@@ -39,8 +39,6 @@ __all__ = [
     "PTZ_SIZES",
     "CalibrationNoise",
     "CalibrationSizes",
-    "calibration_noise",
-    "displaced",
     "disturbed",
     "error_jacobian",
     "passing_covariance",
@@ -157,11 +155,6 @@ class CalibrationNoise:
         return PixelCovariance.from_matrix(scaled @ scaled.mT)
 
 
-def calibration_noise(sizes: CalibrationSizes) -> CalibrationNoise:
-    """The noise factor for errors of these sizes: `model.plus(calibration_noise(sizes))`."""
-    return CalibrationNoise(sizes)
-
-
 def shifts_px(data: BankData, sizes: CalibrationSizes, draw: int | None = None) -> Floats:
     """How far errors of calibration move the projections, px: (V, T, N, 2), or (V, 1, N, 2) of a frozen draw.
 
@@ -200,21 +193,6 @@ def without_blunders(data: BankData) -> BankData:
     chi2 = (residuals.mT @ weight @ residuals)[..., 0, 0]
     blunder = chi2 > BLUNDER_INFLATION * scipy.stats.chi2.isf(BLUNDER_TAIL, 2)
     return dataclasses.replace(data, pixels=np.where(blunder[..., None], np.nan, data.pixels))
-
-
-def displaced(
-    data: BankData, sizes: CalibrationSizes, draw: int | None = None, term_in_weights: bool = False
-) -> BankData:
-    """The detections as if their cameras were wrong; `data` itself without errors. Blunders are left out.
-
-    Args:
-        draw: number of the frozen draw; None for another calibration in each trial.
-        term_in_weights: whether triangulation knows how large the errors are (`passing_covariance`).
-    """
-    if sizes.none:
-        return data
-    pixels = without_blunders(data).pixels - shifts_px(data, sizes, draw)
-    return dataclasses.replace(data, pixels=pixels, covariance=passing_covariance(data, sizes, term_in_weights))
 
 
 def passing_covariance(data: BankData, sizes: CalibrationSizes, term_in_weights: bool) -> Floats:

@@ -23,7 +23,7 @@ from validate.findings.size_figure import size_curves, size_figure
 from validate.plots.drawing import plt
 from validate.runs.csv_rows import all_of, bounds, first_of
 
-__all__ = ["Drawing", "digest_in", "drawings_of", "write_pdf", "write_svg"]
+__all__ = ["DIGEST", "Drawing", "drawings_of", "write_pdf", "write_svg"]
 
 # Of the page's width, for print: 7 inches, with words of 7 pt.
 PRINT_SCALE = 7.0 / 11.0
@@ -82,12 +82,6 @@ def write_svg(drawing: Drawing, folder: Path) -> Path:
 def write_pdf(drawing: Drawing, folder: Path) -> Path:
     """For print, 7 inches wide, with its fonts."""
     return _write(drawing, folder / f"{drawing.name}.pdf", PRINT_SCALE, {"CreationDate": None})
-
-
-def digest_in(path: Path) -> str:
-    """The digest that an SVG file of `write_svg` was made from; "" if it has none."""
-    _, found, rest = path.read_text(encoding="utf-8").partition(DIGEST)
-    return rest[:16] if found else ""
 
 
 def _write(drawing: Drawing, path: Path, scale: float, metadata: dict[str, str | None]) -> Path:

@@ -53,7 +53,6 @@ class Kind:
     sigma: str
     measured_sigma: str
     symbol: str
-    measured_symbol: str
 
 
 KINDS = (
@@ -67,7 +66,6 @@ KINDS = (
         "single_frame_sigma_m",
         "measured_sigma_m",
         "√λmax of C",
-        "√λmax of the triangulation errors",
     ),
     Kind(
         "filter",
@@ -79,7 +77,6 @@ KINDS = (
         "sigma_inf_m",
         "measured_filter_sigma_m",
         "σ∞",
-        "√λmax of the filter's errors",
     ),
 )
 

@@ -127,21 +127,10 @@ class Passing:
         return {walk.name: walk.position_m(self.times_s) for walk in self.walks}
 
     @property
-    def velocities_m_per_s(self) -> dict[str, Floats]:
-        """Metres per second, by name, (K, 3) each."""
-        return {walk.name: np.tile(walk.velocity_m_per_s, (self.steps, 1)) for walk in self.walks}
-
-    @property
     def crossing_s(self) -> float:
         """Seconds, when both have the same y."""
         (a, b), (u, v) = ([walk.position_m(0.0)[Y] for walk in self.walks], [w.velocity_m_per_s[Y] for w in self.walks])
         return float((b - a) / (u - v))
-
-    @property
-    def crossing_step(self) -> int:
-        """The first step at which they are level or past each other."""
-        # A step that is meant to be the crossing may come out a rounding early.
-        return math.ceil((self.crossing_s - self.first.start_s) / self.step_s - 1e-9)
 
 
 def passing(

@@ -18,12 +18,11 @@ from validate.bank.calibration_errors import (
     CalibrationNoise,
     CalibrationSizes,
     _moved,
-    calibration_noise,
-    displaced,
     disturbed,
     error_jacobian,
     passing_covariance,
     shifts_px,
+    without_blunders,
 )
 from validate.bank.calibration_measured import MeasuredMoments, carried_through, triangulated
 from validate.bank.calibration_predicted import Predictions, second_moments
@@ -115,6 +114,12 @@ def test_the_factor_is_the_spread_of_disturbed_projections():
     np.testing.assert_allclose(turned, np.diag([(px * np.cos(np.radians(CAMERA.tilt_deg))) ** 2, px**2]), atol=1e-9)
 
 
+def displaced(data, sizes, draw=None, term_in_weights=False):
+    """The detections as if their cameras were wrong; blunders are left out."""
+    pixels = without_blunders(data).pixels - shifts_px(data, sizes, draw)
+    return dataclasses.replace(data, pixels=pixels, covariance=passing_covariance(data, sizes, term_in_weights))
+
+
 def test_displaced_detections_are_wrong_cameras(data):
     """Triangulating them with the true cameras is triangulating the detections with the wrong ones, within 1 %."""
     quiet = dataclasses.replace(data, pixels=data.pixels + data.residuals() * -0.99)
@@ -143,7 +148,7 @@ def test_no_detection_is_thrown_out_for_its_cameras_error_but_blunders_are(data)
 
 def test_without_errors_nothing_changes(data):
     """The row of size zero is the plain ranking, to the last bit."""
-    assert displaced(data, CalibrationSizes()) is data
+    assert not shifts_px(data, CalibrationSizes()).any()
     assert disturbed(CAMERA, CalibrationSizes(), np.random.default_rng(1)) == CAMERA
     row, frozen = study(data, PREDICTIONS, [CalibrationSizes()], processes=1)
     same = ("spearman_plain", "spearman_plain_low", "median_pss", "median_rms_m")
@@ -207,7 +212,7 @@ def test_predictions_are_the_metrics_own():
     """In closed form here, by `evaluate` with the factor added there."""
     np.testing.assert_allclose(PREDICTIONS.plain().inverse_sigma, predict(PLAIN), rtol=1e-9)
     np.testing.assert_allclose(
-        PREDICTIONS.term_in_r(ALL).inverse_sigma, predict(PLAIN.plus(calibration_noise(ALL))), rtol=1e-9
+        PREDICTIONS.term_in_r(ALL).inverse_sigma, predict(PLAIN.plus(CalibrationNoise(ALL))), rtol=1e-9
     )
 
 
@@ -292,4 +297,3 @@ def test_sizes_are_zero_or_more():
     """A standard deviation below zero is refused, by name."""
     with pytest.raises(RangeError, match=r"focal_share = -1; allowed: 0 or more"):
         CalibrationSizes(focal_share=-1)
-    assert calibration_noise(ALL) == CalibrationNoise(ALL)

@@ -16,7 +16,7 @@ from validate.findings.bank import bank_findings
 from validate.findings.budget import budget_findings
 from validate.findings.contenders import CONTENDERS, contenders_in
 from validate.findings.factors import factor_findings
-from validate.findings.figures import digest_in, drawings_of, write_pdf, write_svg
+from validate.findings.figures import DIGEST, drawings_of, write_pdf, write_svg
 from validate.findings.page import findings_page
 from validate.findings.places import places_of_reference
 from validate.findings.ranking_tables import neutral_table
@@ -58,6 +58,13 @@ def test_the_page_is_made_from_the_tables():
     assert not re.search(r"^- ", page, re.MULTILINE)
     for heading in ("One factor at a time", "Where the sweeps' errors are from", "If the calibration is wrong"):
         assert f"### {heading}" in page
+
+
+def digest_in(path):
+    """The digest that an SVG file of `write_svg` was made from."""
+    _, found, rest = path.read_text(encoding="utf-8").partition(DIGEST)
+    assert found
+    return rest[:16]
 
 
 def test_the_figures_of_the_page_show_the_numbers_of_the_tables():

@@ -19,10 +19,10 @@ import pss
 import scenes
 from pss import RangeError
 from pss.noise.calibrated import Calibration
-from pss.visibility.points import visible_points
 from render.light.estimated_light import estimated_irradiance
 from render.light.radiosity import solve_radiosity
 from render.world.state import Light, Panel
+from tests.helpers.visible_points import visible_points
 from validate.commands.check import execute
 from validate.commands.subcommands import Check
 from validate.plots.plan import plan_figure
