@@ -50,13 +50,13 @@ def biases(scene: Scene, step: int) -> dict[str, np.ndarray]:
     """Of each marker in each `step`th view: bias (px, 2), physical R (px², 2 × 2), white in e⁻, perspective, object."""
     cameras = held_out_views(scene, BankDesign(), "none").cameras[::step]
     state, rng = scene.state, np.random.default_rng(1)
-    look = estimated_appearance(state)
-    views = Views(cameras, state.points_m, state.normals, look)
+    appearance = estimated_appearance(state)
+    views = Views(cameras, state.points_m, state.normals, appearance)
     clear = WholeTarget().passed(views, views.in_frustum & (views.cos_incidence > 0), state.occluders)
     clear &= (narrow_side_px(views) > SMALLEST_MODULE_PX) & (blur_modules(views, scene.sensor) < LARGEST_BLUR_MODULES)
-    white, black = (np.broadcast_to(side, clear.shape) for side in sides_e(views, look, scene.sensor))
+    white, black = (np.broadcast_to(side, clear.shape) for side in sides_e(views, appearance, scene.sensor))
     physical = scene.noise_model("physical").of_views(views).matrix(len(cameras), len(state.markers))
-    half = look.modules / 2 + 1
+    half = appearance.modules / 2 + 1
     ends = np.array([[[-half, -half], [half, -half], [half, half], [-half, half]]])
     rows = []
     for view, number in np.argwhere(clear):

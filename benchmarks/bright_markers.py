@@ -69,8 +69,8 @@ def main() -> None:
             squares = np.trace(parts, axis1=2, axis2=3).mean(axis=1) / 2
             lengths = " ".join(f"{1000 * math.copysign(math.sqrt(abs(value)), value):6.2f}" for value in squares)
             ratios = [np.trace(np.linalg.solve(r, parts[0] + parts[1]), axis1=1, axis2=2) / 2 for r in parts[2:]]
-            said = "   ".join(f"{ratio.mean():.2f} ± {ratio.std() / math.sqrt(len(ratio)):.2f}" for ratio in ratios)
-            print(f"{size:9g}  {white:8g}   {lengths}   {said}", flush=True)
+            output = "   ".join(f"{ratio.mean():.2f} ± {ratio.std() / math.sqrt(len(ratio)):.2f}" for ratio in ratios)
+            print(f"{size:9g}  {white:8g}   {lengths}   {output}", flush=True)
 
 
 if __name__ == "__main__":

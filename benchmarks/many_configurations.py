@@ -113,10 +113,10 @@ def row(number: int) -> str:
     while process.poll() is None:
         peak = max(peak, used_by(process.pid, cpu_s))
         time.sleep(0.1)
-    said, _ = process.communicate()
+    output, _ = process.communicate()
     if process.returncode:
         raise SystemExit(process.returncode)
-    found, seconds, rho = said.strip().split(" ", 2)
+    found, seconds, rho = output.strip().split(" ", 2)
     total = sum(cpu_s.values())
     return f"| {int(found):,} | {seconds} | {total:.0f} | {1e3 * total / int(found):.0f} | {peak / 1e9:.2f} | {rho} |"
 

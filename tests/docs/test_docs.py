@@ -133,14 +133,14 @@ def test_python_runs_and_prints_what_the_page_says(page, own_metrics, monkeypatc
         with contextlib.redirect_stdout(printed):
             exec(compile(block.text, str(block), "exec"), names)
         if block.output is not None:
-            said = [line.rstrip() for line in block.output.splitlines()]
-            assert [line.rstrip() for line in printed.getvalue().splitlines()] == said, block
+            expected = [line.rstrip() for line in block.output.splitlines()]
+            assert [line.rstrip() for line in printed.getvalue().splitlines()] == expected, block
 
 
 def test_the_bank_asks_metrics_of_ones_own(own_metrics, monkeypatch):
     """docs/own-metric.md: every metric of the table, with the calibrated model; of ours a sweep keeps to four."""
     monkeypatch.setattr(judge, "METRICS", own_metrics)
-    assert {(judge.CALIBRATED_LIMITS, name) for name in own_metrics} <= set(judge.asked_pairs([]))
+    assert {(judge.CALIBRATED_LIMITS, name) for name in own_metrics} <= set(judge.requested_pairs([]))
     assert "share-within-5-mm" in own_metrics
     assert len(correlation.COMPARED) == 4
     assert "pss" in correlation.COMPARED

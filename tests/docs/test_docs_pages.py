@@ -102,9 +102,9 @@ def test_the_figures_of_the_limits_are_those_that_were_found():
 
 def test_the_limits_of_detection_are_those_that_were_fitted():
     limits = tomllib.loads((ROOT / "results/reference/bank/calibrated.toml").read_text(encoding="utf-8"))["limits"]
-    said = " ".join(page("own-room.md").split())
-    assert f"{limits['smallest_module_px']:g} pixels a module" in said
-    assert f"a blur below {limits['largest_blur_modules']:g} modules" in said
+    printed_text = " ".join(page("own-room.md").split())
+    assert f"{limits['smallest_module_px']:g} pixels a module" in printed_text
+    assert f"a blur below {limits['largest_blur_modules']:g} modules" in printed_text
 
 
 def test_the_columns_that_the_first_run_names_are_there():
@@ -120,18 +120,18 @@ def test_the_columns_that_the_first_run_names_are_there():
 def test_the_error_budget_of_the_room_is_that_of_its_sweeps():
     with (ROOT / "results/reference/configurations.csv").open(encoding="utf-8") as opened:
         rows = [row for row in csv.DictReader(opened) if row["noise_model"] == "physical"]
-    said = " ".join(page("report.md").split("<!-- figures: error budget of the room -->")[1].split())
+    printed_text = " ".join(page("report.md").split("<!-- figures: error budget of the room -->")[1].split())
     for name, words in (
         ("visibility", "visibility is"),
         ("noise_model", "the noise model"),
         ("detector", "the detector"),
     ):
         factors = [float(row[f"budget_{name}"]) for row in rows]
-        assert f"{words} {min(factors):.2f} to {max(factors):.2f}" in said
+        assert f"{words} {min(factors):.2f} to {max(factors):.2f}" in printed_text
         in_brief = " ".join(page("results.md").split())
         assert f"{name.replace('_', ' ')} ({min(factors):.2f} to {max(factors):.2f})" in in_brief
     assert {f"{float(row['budget_geometry']):.3f}" for row in rows} == {"1.000"}
-    assert "geometry 1.000" in said
+    assert "geometry 1.000" in printed_text
 
 
 def test_the_tables_that_the_report_names_have_those_columns(tmp_path):
@@ -178,10 +178,10 @@ def test_the_first_lines_of_the_first_run_are_its_tables():
         best = [float(max(steps, key=lambda row: float(row[name]))["value"]) for name in columns[cells[3]]]
         assert [float(cells[5]), float(cells[6])] == best, cells
     counts = {row["value"]: (row["observable"], row["detected"]) for row in rows if row["noise_model"] == "physical"}
-    said = " ".join(page("first-minutes.md").split())
+    printed_text = " ".join(page("first-minutes.md").split())
     (at_one, found_at_one), (at_three, found_at_three) = counts["1"], counts["3"]
-    assert f"the prediction counts {at_one} at ×1, of which no more than {found_at_one}" in said
-    assert f"and {at_three} at ×3, where {found_at_three} are" in said
+    assert f"the prediction counts {at_one} at ×1, of which no more than {found_at_one}" in printed_text
+    assert f"and {at_three} at ×3, where {found_at_three} are" in printed_text
 
 
 def test_the_lines_that_the_readme_shows_are_of_the_same_run():
@@ -226,10 +226,10 @@ def test_the_notebooks_code_prints_what_is_stored(monkeypatch):
     for number, cell in enumerate(json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]):
         if cell["cell_type"] != "code":
             continue
-        said = io.StringIO()
-        with contextlib.redirect_stdout(said):
+        printed_text = io.StringIO()
+        with contextlib.redirect_stdout(printed_text):
             exec(compile("".join(cell["source"]), f"notebook-{number}", "exec"), names)
-        assert said.getvalue() == printed(cell), number
+        assert printed_text.getvalue() == printed(cell), number
         stored = sum("image/png" in output.get("data", {}) for output in cell["outputs"])
         assert len(plt.get_fignums()) == stored, number
         pictures += stored

@@ -27,11 +27,13 @@ NORMALS = np.tile([0.0, -1.0, 0.0], (30, 1))
 
 def test_the_worked_example_prints_what_the_page_says():
     code = re.search(r"```python\n(.*?)```", PAGE, re.DOTALL).group(1)
-    said = re.search(r"```text\n(.*?)```", PAGE, re.DOTALL).group(1)
+    output = re.search(r"```text\n(.*?)```", PAGE, re.DOTALL).group(1)
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
         exec(compile(code, "docs/metric.md", "exec"), {})
-    assert [line.rstrip() for line in printed.getvalue().splitlines()] == [line.rstrip() for line in said.splitlines()]
+    assert [line.rstrip() for line in printed.getvalue().splitlines()] == [
+        line.rstrip() for line in output.splitlines()
+    ]
 
 
 def test_the_names_on_the_page_exist():

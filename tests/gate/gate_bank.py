@@ -118,8 +118,8 @@ def measured_points(bank: Bank, configurations: Sequence[Sequence[int]], acquire
     """1/m, (K, N), what each point adds to the measured single-frame PSS."""
     rows = []
     for chosen in configurations:
-        wanted = [bank.views[view] for view in chosen]
-        cameras = [item.request.camera for item in wanted]
-        _, errors = triangulated_errors(bank.scene, cameras, [acquired.measured[item] for item in wanted])
+        requested = [bank.views[view] for view in chosen]
+        cameras = [item.request.camera for item in requested]
+        _, errors = triangulated_errors(bank.scene, cameras, [acquired.measured[item] for item in requested])
         rows.append(errors.inverse_sigma)
     return np.array(rows)

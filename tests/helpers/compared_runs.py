@@ -53,6 +53,6 @@ def a_run(folder, factor=1.0, predicted=1.0, spread=0.1, rho=0.8, half_width=0.1
     write_csv(folder / "points.csv", points)
     write_csv(folder / "correlation.csv", correlation)
     scene = {"sensor": {"exposure_ms": exposure_ms}, "cameras": [{"name": "1", "zoom": 3.0}]}
-    said = {"scenes": {sweep: scene}, "sweeps": {sweep: {"seed": 1}}, "versions": {"numpy": "2"}}
-    (folder / "run.json").write_text(json.dumps(said))
+    record = {"scenes": {sweep: scene}, "sweeps": {sweep: {"seed": 1}}, "versions": {"numpy": "2"}}
+    (folder / "run.json").write_text(json.dumps(record))
     return str(folder)

@@ -29,8 +29,8 @@ def appearance(scene):
 
 def drawn(scene, cameras, rng, trials=TRIALS, noise=1.0):
     """Detections of each camera, with the physical model's noise, of the markers in view as a whole."""
-    state, look = scene.state, appearance(scene)
-    views = Views(list(cameras), state.points_m, state.normals, look)
+    state, target_appearance = scene.state, appearance(scene)
+    views = Views(list(cameras), state.points_m, state.normals, target_appearance)
     (physical,) = (model for model in scene.noise_models if model.name == "physical")
     with np.errstate(all="ignore"):
         covariance = physical.of_views(views).matrix(len(cameras), len(state.points_m))
@@ -51,9 +51,9 @@ def drawn(scene, cameras, rng, trials=TRIALS, noise=1.0):
 def acquired_of(places, seed=3, noise=1.0):
     """What `acquire` would bring, of (scene, acquisitions) pairs."""
     rng, found = np.random.default_rng(seed), Acquired()
-    for scene, wanted in places:
+    for scene, requested in places:
         found.appearances[state_key(scene.state)] = appearance(scene)
-        for item in wanted:
+        for item in requested:
             if item not in found.measured:
                 (found.measured[item],) = drawn(scene, [item.request.camera], rng, noise=noise)
     return found

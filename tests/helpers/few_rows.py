@@ -21,6 +21,6 @@ def a_run(folder, exposure_ms=4.0, pss=(100.0, 200.0), names=("zoom=1", "zoom=2"
     ]  # fmt: skip
     write_csv(folder / "configurations.csv", rows)
     scene = {"sensor": {"exposure_ms": exposure_ms}, "cameras": [{"name": "1", "zoom": zoom}]}
-    said = {"scenes": {"zoom": scene, "focus": scene}, "sweeps": {"zoom": {"seed": 1}}, "seconds": {"total": pss[0]}}
-    (folder / "run.json").write_text(json.dumps(said))
+    record = {"scenes": {"zoom": scene, "focus": scene}, "sweeps": {"zoom": {"seed": 1}}, "seconds": {"total": pss[0]}}
+    (folder / "run.json").write_text(json.dumps(record))
     return folder

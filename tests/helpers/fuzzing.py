@@ -45,27 +45,27 @@ Made = tuple[str, bytes, str]
 def _toml(files: list[Path], rng: np.random.Generator) -> tuple[Path, bytes, str]:
     file = chosen(rng, files)
     if rng.random() < 0.25:
-        content, said = mutated_bytes(file.read_bytes(), rng)
+        content, change = mutated_bytes(file.read_bytes(), rng)
     else:
-        document, said = mutated_document(tomllib.loads(file.read_text(encoding="utf-8")), rng)
+        document, change = mutated_document(tomllib.loads(file.read_text(encoding="utf-8")), rng)
         content = as_toml(document)
-    return file, content, f"{file.relative_to(ROOT).as_posix()}: {said}"
+    return file, content, f"{file.relative_to(ROOT).as_posix()}: {change}"
 
 
 def a_scene(rng: np.random.Generator, _folder: Path) -> Made:
-    _, content, said = _toml(sorted((ROOT / "scenes").glob("*.toml")), rng)
-    return "scene.toml", content, said
+    _, content, change = _toml(sorted((ROOT / "scenes").glob("*.toml")), rng)
+    return "scene.toml", content, change
 
 
 def a_sweep(rng: np.random.Generator, _folder: Path) -> Made:
     files = sorted((ROOT / "scenes").glob("sweeps/*.toml")) + sorted((ROOT / "scenes").glob("schedules/*.toml")) * 3
-    file, content, said = _toml(files, rng)
-    return f"{file.parent.name}/fuzzed.toml", content, said
+    file, content, change = _toml(files, rng)
+    return f"{file.parent.name}/fuzzed.toml", content, change
 
 
 def a_calibration(rng: np.random.Generator, _folder: Path) -> Made:
-    _, content, said = _toml(sorted((ROOT / "results" / "reference").glob("bank*/calibrated.toml")), rng)
-    return "calibrated.toml", content, said
+    _, content, change = _toml(sorted((ROOT / "results" / "reference").glob("bank*/calibrated.toml")), rng)
+    return "calibrated.toml", content, change
 
 
 def a_mesh(rng: np.random.Generator, folder: Path) -> Made:
@@ -74,20 +74,20 @@ def a_mesh(rng: np.random.Generator, folder: Path) -> Made:
     suffix = file.suffix
     if suffix == ".glb" and rng.random() < 0.6:
         length = int.from_bytes(content[12:16], "little")
-        document, said = mutated_document(json.loads(content[20 : 20 + length]), rng)
+        document, change = mutated_document(json.loads(content[20 : 20 + length]), rng)
         text = written(document, ":").encode()
         text += b" " * (-len(text) % 4)
         rest = content[20 + length :]
         head = b"glTF" + np.array([2, 20 + len(text) + len(rest), len(text), 0x4E4F534A], "<u4").tobytes()
         content = head + text + rest
     else:
-        content, said = mutated_bytes(content, rng, chosen(rng, (None, 400)))
-    return f"crate{suffix}", content, f"{file.name}: {said}"
+        content, change = mutated_bytes(content, rng, chosen(rng, (None, 400)))
+    return f"crate{suffix}", content, f"{file.name}: {change}"
 
 
 def a_backdrop(rng: np.random.Generator, _folder: Path) -> Made:
-    content, said = mutated_bytes((ROOT / "scenes" / "workshop" / "shelves.xml").read_bytes(), rng)
-    return "shelves.xml", content, said
+    content, change = mutated_bytes((ROOT / "scenes" / "workshop" / "shelves.xml").read_bytes(), rng)
+    return "shelves.xml", content, change
 
 
 def a_view(rng: np.random.Generator, folder: Path) -> Made:
@@ -105,26 +105,26 @@ def a_view(rng: np.random.Generator, folder: Path) -> Made:
         name = chosen(rng, ("pss:camera", "pss:sensor", "pss:certificate", chosen(rng, names)))
         text = buffer.spec().get_string_attribute(name)
         try:
-            document, said = mutated_document(json.loads(text), rng)
+            document, change = mutated_document(json.loads(text), rng)
             text = written(document, ":")
         except (ValueError, TypeError):
-            said, text = "no text", ""
+            change, text = "no text", ""
         buffer.specmod().attribute(name, text)
         buffer.write(str(folder / "changed.exr"))
-        return "view.exr", (folder / "changed.exr").read_bytes(), f"{name}: {said}"
-    content, said = mutated_bytes(content, rng, 2000 if what == "header" else None)
-    return "view.exr", content, said
+        return "view.exr", (folder / "changed.exr").read_bytes(), f"{name}: {change}"
+    content, change = mutated_bytes(content, rng, 2000 if what == "header" else None)
+    return "view.exr", content, change
 
 
 def an_archive(rng: np.random.Generator, folder: Path) -> Made:
-    content, said = mutated_bytes((folder / "base" / "light.npz").read_bytes(), rng)
-    return "light.npz", content, said
+    content, change = mutated_bytes((folder / "base" / "light.npz").read_bytes(), rng)
+    return "light.npz", content, change
 
 
 def a_table(rng: np.random.Generator, _folder: Path) -> Made:
     file = chosen(rng, sorted((ROOT / "results" / "reference").glob("c*.csv")))
-    content, said = mutated_bytes(file.read_bytes(), rng, chosen(rng, (None, 400)))
-    return "configurations.csv", content, f"{file.name}: {said}"
+    content, change = mutated_bytes(file.read_bytes(), rng, chosen(rng, (None, 400)))
+    return "configurations.csv", content, f"{file.name}: {change}"
 
 
 A_RUN = {
@@ -137,10 +137,10 @@ A_RUN = {
 
 def a_run_file(rng: np.random.Generator, _folder: Path) -> Made:
     if rng.random() < 0.4:
-        content, said = mutated_bytes(json.dumps(A_RUN).encode(), rng)
-        return "run.json", content, said
-    document, said = mutated_document(A_RUN, rng)
-    return "run.json", written(document, ":").encode(), said
+        content, change = mutated_bytes(json.dumps(A_RUN).encode(), rng)
+        return "run.json", content, change
+    document, change = mutated_document(A_RUN, rng)
+    return "run.json", written(document, ":").encode(), change
 
 
 def a_fault(rng: np.random.Generator, _folder: Path) -> Made:
@@ -312,8 +312,8 @@ def run(kind: str, seed: int, first: int, count: int, folder: Path, cpu_s: int) 
     limit = pages * resource.getpagesize() + MOST_MEMORY
     for number in range(first, count):
         rng = np.random.default_rng([seed, number])
-        name, content, said = make(rng, folder)
-        print(json.dumps({"number": number, "said": said}), flush=True)
+        name, content, change = make(rng, folder)
+        print(json.dumps({"number": number, "said": change}), flush=True)
         path = folder / name
         path.parent.mkdir(exist_ok=True)
         path.write_bytes(content)
@@ -356,18 +356,18 @@ def campaign(kind: str, seed: int, count: int, folder: Path, cpu_s: int = LONGES
             str(cpu_s),
         ]
         child = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=environment(), check=False)
-        said, last = "nothing was made", first
+        change, last = "nothing was made", first
         for line in map(json.loads, child.stdout.splitlines()):
-            last, said = line["number"], line.get("said", said)
+            last, change = line["number"], line.get("said", change)
             outcome = line.get("outcome")
             if outcome in ("read", "refused"):
                 setattr(done, outcome, getattr(done, outcome) + 1)
             elif outcome is not None:
-                done.faults.append(f"{kind}, seed {seed}, file {last} ({said}): {outcome}")
+                done.faults.append(f"{kind}, seed {seed}, file {last} ({change}): {outcome}")
         if child.returncode == 0:
             break
         end = child.stderr.strip().rpartition("\n")[2]
-        done.faults.append(f"{kind}, seed {seed}, file {last} ({said}): ended by {child.returncode} {end}")
+        done.faults.append(f"{kind}, seed {seed}, file {last} ({change}): ended by {child.returncode} {end}")
         first = last + 1
     return done
 

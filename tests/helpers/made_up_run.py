@@ -42,8 +42,8 @@ def made_up_run(folder: Path, scene: str, sweeps: dict[str, str]) -> tuple[list[
         made = plan(sweep, scenes.load(sweep.scene_path), RENDERER, Sampling())
         for step in made.configurations:
             acquired.appearances.setdefault(state_key(step.scene.state), step.scene.appearance())
-        for wanted in made.views:
-            for item in wanted:
+        for requested in made.views:
+            for item in requested:
                 if item not in acquired.measured:
                     acquired.measured[item] = _detections(item)
                     acquired.certificates[item.request.key] = CERTIFICATE

@@ -77,7 +77,7 @@ def places(document: Any, path: tuple = ()) -> list[tuple]:
 
 def mutated_document(document: dict[str, Any], rng: Generator) -> tuple[dict[str, Any], str]:
     """A document with one to three changes, and what they are."""
-    document, said = copy.deepcopy(document), []
+    document, changes = copy.deepcopy(document), []
     other: Any
     for _ in range(int(rng.integers(1, 4))):
         path = chosen(rng, places(document) or [("x",)])
@@ -126,8 +126,8 @@ def mutated_document(document: dict[str, Any], rng: Generator) -> tuple[dict[str
             case _:
                 owner[key], shown = odd_value(rng)
                 what = f"put {shown} at"
-        said.append(f"{what} {where}")
-    return document, "; ".join(said)
+        changes.append(f"{what} {where}")
+    return document, "; ".join(changes)
 
 
 class Again(str):

@@ -31,8 +31,8 @@ def predicted_result(name: str, measured: Sequence[float] | None = None, every: 
     steps = tuple(dataclasses.replace(step, scene=scene) for step in sweep.configurations(scene))
     pss = np.linspace(1.0, 2.0, len(steps)) if measured is None else np.array(measured)
     steps = steps[: len(pss)]
-    look = estimated_appearance(scene.state)
-    predicted = [predict(scene, step.cameras, look) for step in steps]
+    appearance = estimated_appearance(scene.state)
+    predicted = [predict(scene, step.cameras, appearance) for step in steps]
     draws = np.array([0.9, 1.0, 1.1])[:, None] * pss
     points = len(scene.state.markers)
     models = tuple(model.name for model in scene.noise_models)

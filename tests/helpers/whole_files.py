@@ -30,8 +30,8 @@ def temporary_files(folder):
 def uninterrupted(runs, folder, workers):
     """The tables of a run that nobody kills, its seconds and the number of its steps with files."""
     begin = time.monotonic()
-    code, said = runs.run(with_sweep(folder), workers=workers)
-    assert code == 0, said
+    code, output = runs.run(with_sweep(folder), workers=workers)
+    assert code == 0, output
     assert not temporary_files(folder)
     return tables(folder / "out"), time.monotonic() - begin, int((folder / "steps").read_text())
 

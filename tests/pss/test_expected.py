@@ -204,10 +204,10 @@ def test_the_filter_of_found_points_against_one_that_is_run(step_m, share):
     run = 1 / np.sqrt(np.linalg.eigvalsh(total)[-1])
     p = np.full((4, 1), share)
     of_expected = expected(np.stack([six[:, i, j] for i in range(3) for j in range(i, 3)], axis=1)[..., None], p)
-    said = pss.steady_state_covariance(
+    output = pss.steady_state_covariance(
         np.eye(3), step_m**2 * np.eye(3), np.linalg.cholesky(from_six(of_expected.information)[0]).T, np.eye(3)
     )
-    ratio = 1 / np.sqrt(np.linalg.eigvalsh(said)[-1]) / run
+    ratio = 1 / np.sqrt(np.linalg.eigvalsh(output)[-1]) / run
     assert 1 - 0.01 < ratio < 1 + FILTER_SHARE
 
 

@@ -24,10 +24,10 @@ LOOK = Appearance(MODULE_M, 1.0, 0.1)
 CAMERA = PTZCamera((0.0, 0.0, 1.5), pan_deg=0.0, tilt_deg=0.0, zoom=2.0, focus_distance_m=4.0)
 
 
-def seen(points, tests=TARGET_VISIBILITY, occluder=(), look=LOOK, normals=None, camera=CAMERA) -> np.ndarray:
+def seen(points, tests=TARGET_VISIBILITY, occluder=(), appearance=LOOK, normals=None, camera=CAMERA) -> np.ndarray:
     points = np.atleast_2d(np.array(points, dtype=float))
     normals = np.tile((0.0, -1.0, 0.0), (len(points), 1)) if normals is None else normals
-    return visible_in(Views([camera], points, normals, look), occluder, tests)[0]
+    return visible_in(Views([camera], points, normals, appearance), occluder, tests)[0]
 
 
 def corners(point, normal, half_m: float) -> np.ndarray:
@@ -125,27 +125,27 @@ def test_evaluate_with_targets():
     point, normal = np.array([(0.0, 4.0, 1.5)]), np.array([(0.0, -1.0, 0.0)])
     half = math.degrees(math.atan(CAMERA.resolution[0] / 2 / CAMERA.focal_px))
     cameras = [CAMERA, dataclasses.replace(CAMERA, position_m=(0.3, 0.0, 1.5), pan_deg=half - 5.0)]
-    look = {"appearance": LOOK, "noise": "identity"}
-    assert pss.evaluate(cameras, point, normal, **look).visible.sum() == 2
-    found = pss.evaluate(cameras, point, normal, visibility=visibility_tests("target"), **look)
+    appearance = {"appearance": LOOK, "noise": "identity"}
+    assert pss.evaluate(cameras, point, normal, **appearance).visible.sum() == 2
+    found = pss.evaluate(cameras, point, normal, visibility=visibility_tests("target"), **appearance)
     assert found.visible.tolist() == [[True], [False]]
     assert not found.observable[0]
 
 
 @pytest.mark.parametrize(
-    ("call", "said"),
+    ("call", "message"),
     [
         (lambda: visibility_tests("marker"), r"'marker'; allowed: point, target, calibrated, or a calibration's path"),
         (lambda: visibility_tests("nowhere.toml"), "nowhere.toml: there is no such file"),
         (lambda: WholeTarget(-1.0), r"margin_modules = -1.0; allowed: 0 or more"),
         (lambda: Legible(0.0, 1.0), r"smallest_module_px = 0.0; allowed: above 0"),
         (lambda: Legible(2.0, float("nan")), r"largest_blur_modules = nan; allowed: above 0"),
-        (lambda: seen((0.0, 4.0, 1.5), look=None), "'whole-target' has no appearance; allowed: evaluate"),
-        (lambda: seen((0.0, 4.0, 1.5), (Legible(2.0, 1.0),), look=None), "'legible' has no appearance"),
+        (lambda: seen((0.0, 4.0, 1.5), appearance=None), "'whole-target' has no appearance; allowed: evaluate"),
+        (lambda: seen((0.0, 4.0, 1.5), (Legible(2.0, 1.0),), appearance=None), "'legible' has no appearance"),
     ],
 )
-def test_what_is_wrong_is_one_line(call, said):
-    with pytest.raises(RangeError, match=said):
+def test_what_is_wrong_is_one_line(call, message):
+    with pytest.raises(RangeError, match=message):
         call()
 
 

@@ -30,9 +30,9 @@ def appearance(module_m=0.03, white=0.05, black=0.006, along=((1.0, 0.0, 0.0),))
     return Appearance(module_m, white, black, np.array(along))
 
 
-def covariance(look, camera=CAMERA, point=POINT, normal=((0.0, -1.0, 0.0),), **changed):
+def covariance(target_appearance, camera=CAMERA, point=POINT, normal=((0.0, -1.0, 0.0),), **changed):
     camera = dataclasses.replace(camera, **changed)
-    return NoiseModel("alone", (BrightnessContrast(SENSOR),)).covariance(camera, point, normal, look)[0]
+    return NoiseModel("alone", (BrightnessContrast(SENSOR),)).covariance(camera, point, normal, target_appearance)[0]
 
 
 def smeared(image, way):
@@ -102,8 +102,8 @@ def test_the_closed_form_is_the_bound_of_drawn_tags(module_m, normal, focus_m, p
     normal = np.array(normal) / np.linalg.norm(normal)
     along = np.cross([0, 0, 1.0], normal)
     along /= np.linalg.norm(along)
-    look = appearance(module_m, along=[along])
-    closed = covariance(look, camera, normal=[normal], psf_sigma_um=psf_um)
+    target_appearance = appearance(module_m, along=[along])
+    closed = covariance(target_appearance, camera, normal=[normal], psf_sigma_um=psf_um)
     sides = camera.jacobian(POINT)[0] @ np.stack([along, np.cross(normal, along)], axis=1) * module_m
     blur = math.sqrt((psf_um / 4.65) ** 2 + 1 / 12 + (float(camera.circle_of_confusion_px(POINT)[0]) / 4) ** 2)
     electrons = electrons_per_radiance(camera, SENSOR)
@@ -132,8 +132,8 @@ def test_the_closed_form_is_the_bound_of_drawn_tags_that_move(module_m, normal, 
     along /= np.linalg.norm(along)
     sides_m = np.stack([along, np.cross(normal, along)], axis=1) * module_m
     velocity = sides_m @ way / (SENSOR.exposure_ms * 1e-3)
-    look = dataclasses.replace(appearance(module_m, along=[along]), velocity_m_per_s=velocity[None])
-    closed = covariance(look, normal=[normal], psf_sigma_um=PSF_UM)
+    target_appearance = dataclasses.replace(appearance(module_m, along=[along]), velocity_m_per_s=velocity[None])
+    closed = covariance(target_appearance, normal=[normal], psf_sigma_um=PSF_UM)
     sides = CAMERA.jacobian(POINT)[0] @ sides_m
     blur, electrons = math.sqrt((PSF_UM / 4.65) ** 2 + 1 / 12), electrons_per_radiance(CAMERA, SENSOR)
     levels = 0.05 * electrons, 0.006 * electrons

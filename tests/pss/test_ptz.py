@@ -186,16 +186,16 @@ def test_no_speed_is_exceeded_and_the_wanted_setting_is_reached(limits):
     speed = np.array([60, 40, math.log(1.8), 0.7])
     steps = [limits.pan_step_deg, limits.tilt_step_deg, math.log1p(limits.zoom_step or 0), limits.focus_step_dioptre]
     step = np.array([value or 0.0 for value in steps])
-    for start, wanted in zip(drawn(12, seed=6), drawn(12, seed=7), strict=True):
-        now, wanted = quantised(start, limits), quantised(wanted, limits)
-        left = coordinates(wanted) - coordinates(now)
+    for start, requested in zip(drawn(12, seed=6), drawn(12, seed=7), strict=True):
+        now, requested = quantised(start, limits), quantised(requested, limits)
+        left = coordinates(requested) - coordinates(now)
         left[0] = (left[0] + 180) % 360 - 180
         # A motor may fall short of its speed by less than a step in each move.
         pace = speed * seconds - step
         fewest, most = (np.abs(left) / (speed * seconds)).max(), (np.abs(left) / pace).max()
         moves = 0
-        while now != wanted:
-            following = moved_towards(now, wanted, limits, seconds)
+        while now != requested:
+            following = moved_towards(now, requested, limits, seconds)
             assert following == quantised(following, limits)
             way = coordinates(following) - coordinates(now)
             way[0] = (way[0] + 180) % 360 - 180
@@ -209,13 +209,13 @@ def test_no_speed_is_exceeded_and_the_wanted_setting_is_reached(limits):
 def test_without_steps_the_way_is_speed_times_time():
     limits = paced(FREE)
     now = PTZCamera((0, 0, 2), 10, -20, zoom=2, focus_distance_m=4)
-    wanted = dataclasses.replace(now, pan_deg=100, tilt_deg=-80, zoom=8, focus_distance_m=1)
-    half = moved_towards(now, wanted, limits, 0.5)
+    requested = dataclasses.replace(now, pan_deg=100, tilt_deg=-80, zoom=8, focus_distance_m=1)
+    half = moved_towards(now, requested, limits, 0.5)
     expected = PTZCamera((0, 0, 2), 40, -40, zoom=2 * math.sqrt(1.8), focus_distance_m=1 / (0.25 + 0.35))
     np.testing.assert_allclose(coordinates(half), coordinates(expected), rtol=1e-8)
-    assert moved_towards(now, wanted, limits, 0) == now
-    assert moved_towards(now, wanted, limits, 60) == wanted
-    assert moved_towards(now, wanted, FREE, 0) == wanted  # no speed limit is no time at all
+    assert moved_towards(now, requested, limits, 0) == now
+    assert moved_towards(now, requested, limits, 60) == requested
+    assert moved_towards(now, requested, FREE, 0) == requested  # no speed limit is no time at all
 
 
 @pytest.mark.parametrize(
@@ -223,8 +223,8 @@ def test_without_steps_the_way_is_speed_times_time():
     [(170, -170, 176), (-170, 170, -176), (-10, 10, -4), (350, 20, -4), (0, 179, 6), (0, -179, -6), (1, 1, 1)],
 )
 def test_an_endless_pan_takes_the_shorter_way_round(start, goal, reached):
-    now, wanted = (dataclasses.replace(CAMERA, pan_deg=pan) for pan in (start, goal))
-    assert moved_towards(now, wanted, PTZLimits(pan_speed_deg_per_s=60), 0.1).pan_deg == reached
+    now, requested = (dataclasses.replace(CAMERA, pan_deg=pan) for pan in (start, goal))
+    assert moved_towards(now, requested, PTZLimits(pan_speed_deg_per_s=60), 0.1).pan_deg == reached
 
 
 @pytest.mark.parametrize(
@@ -240,9 +240,9 @@ def test_an_endless_pan_takes_the_shorter_way_round(start, goal, reached):
     ],
 )
 def test_a_pan_with_stops_never_passes_them(stops, start, goal, reached):
-    now, wanted = (dataclasses.replace(CAMERA, pan_deg=pan) for pan in (start, goal))
+    now, requested = (dataclasses.replace(CAMERA, pan_deg=pan) for pan in (start, goal))
     limits = PTZLimits(pan_range_deg=stops, pan_speed_deg_per_s=60)
-    assert moved_towards(now, wanted, limits, 0.1).pan_deg == reached
+    assert moved_towards(now, requested, limits, 0.1).pan_deg == reached
 
 
 def test_what_cannot_be_moved_is_refused():

@@ -177,7 +177,7 @@ def test_what_is_passed_over_or_guessed_is_one_line_each(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "error", "said"),
+    ("text", "error", "message"),
     [
         ("<scene><shape></scene>", RangeError, "no XML"),
         ("<html/>", RangeError, "root is <html>"),
@@ -188,10 +188,10 @@ def test_what_is_passed_over_or_guessed_is_one_line_each(tmp_path):
         (scene(shape("cube", f'{PLACE}<scale x="a"/></transform>')), RangeError, "number is wrong"),
     ],
 )  # fmt: skip
-def test_a_file_that_cannot_be_read_is_one_clear_error(text, error, said, tmp_path):
+def test_a_file_that_cannot_be_read_is_one_clear_error(text, error, message, tmp_path):
     path = tmp_path / "room.xml"
     path.write_text(text)
-    with pytest.raises(error, match=said) as caught:
+    with pytest.raises(error, match=message) as caught:
         read_backdrop(path)
     assert "\n" not in str(caught.value)
 

@@ -34,9 +34,9 @@ ANY_TIME = AutoExposure(0.7, 1e9)
 LOST_TO_ROUNDING = 0.1
 
 
-def choose(white=WHITE, cameras=(CAMERA,), sensor=SENSOR, wish=ANY_TIME, normals=TOWARDS, **look):
-    look = Appearance(0.02, white, np.asarray(white) / 20, **look)
-    return choose_exposure(look, POINTS, normals, cameras, sensor, wish)
+def choose(white=WHITE, cameras=(CAMERA,), sensor=SENSOR, wish=ANY_TIME, normals=TOWARDS, **appearance):
+    appearance = Appearance(0.02, white, np.asarray(white) / 20, **appearance)
+    return choose_exposure(appearance, POINTS, normals, cameras, sensor, wish)
 
 
 def white_electrons(white: float, exposure_ms: float, camera=CAMERA, sensor=SENSOR) -> float:
@@ -159,13 +159,13 @@ def test_a_scene_of_auto_exposure_waits_for_a_number(tmp_path):
     assert scene.resolved()["sensor"]["exposure_ms"] == "auto"
     with pytest.raises(RangeError, match=r'exposure_ms = "auto"; allowed: .*with_exposure'):
         plan(load_sweep("zoom"), scene, "renderer", Sampling())
-    said = load(tmp_path, ROOM.replace("exposure_ms = 4.0", "exposure_ms = 3.4\ndark_current_e_per_s = 9000.0"))
+    scene_file = load(tmp_path, ROOM.replace("exposure_ms = 4.0", "exposure_ms = 3.4\ndark_current_e_per_s = 9000.0"))
     dark = AUTO.replace("[lens]", "dark_current_e_per_s = 9000.0\nlongest_exposure_ms = 30.0\n[lens]")
     chosen = load(tmp_path, dark).with_exposure(3.4)
-    assert (chosen.sensor, chosen.auto_exposure, chosen.state) == (said.sensor, None, said.state)
-    assert chosen.resolved() == json.loads(json.dumps(said.resolved()))
+    assert (chosen.sensor, chosen.auto_exposure, chosen.state) == (scene_file.sensor, None, scene_file.state)
+    assert chosen.resolved() == json.loads(json.dumps(scene_file.resolved()))
     # With dark current, Eqs. 12 and 13 know the exposure; and `physical` has a sensor.
-    assert chosen.noise_models == said.noise_models != load(tmp_path, dark).noise_models
+    assert chosen.noise_models == scene_file.noise_models != load(tmp_path, dark).noise_models
     assert len(plan(load_sweep("zoom"), chosen, "renderer", Sampling()).views) == 12
 
 

@@ -118,8 +118,8 @@ def test_the_blur_of_an_edge_by_hand():
 
 
 def noise(velocity, camera=CAMERA, sensor=SENSOR, model="physical"):
-    look = dataclasses.replace(LOOK, velocity_m_per_s=None if velocity is None else [velocity])
-    return pss.noise_model(model, sensor=sensor).covariance(camera, POINT, NORMAL, look)[0]
+    target_appearance = dataclasses.replace(LOOK, velocity_m_per_s=None if velocity is None else [velocity])
+    return pss.noise_model(model, sensor=sensor).covariance(camera, POINT, NORMAL, target_appearance)[0]
 
 
 def test_the_noise_grows_most_along_the_way():
@@ -237,8 +237,8 @@ def test_a_wrong_velocity_is_told(velocity, error, message):
 
 def test_some_of_the_points_keep_their_velocities():
     velocity = np.arange(9.0).reshape(3, 3)
-    look = Appearance(0.01, 1.0, 0.1, velocity_m_per_s=velocity)
-    np.testing.assert_array_equal(look.at(slice(1, 3)).velocity_m_per_s, velocity[1:])
+    target_appearance = Appearance(0.01, 1.0, 0.1, velocity_m_per_s=velocity)
+    np.testing.assert_array_equal(target_appearance.at(slice(1, 3)).velocity_m_per_s, velocity[1:])
 
 
 # ---- what the chain measures ---------------------------------------------------------------------------------------
@@ -255,8 +255,8 @@ def moving_marker(white_e: float, way: float) -> tuple[Setup, RenderedView, np.n
     renderer = Renderer(state, meshes, backend.choose())
     view = renderer.render(renderer.request(setup.camera, setup.sensor, Sampling(noise_ratio=0.4)))
     model = pss.noise_model("physical", sensor=setup.sensor)
-    look = lit_scene.appearance(state, meshes)
-    predicted = model.covariance(setup.camera, state.points_m, state.normals, look)[0]
+    target_appearance = lit_scene.appearance(state, meshes)
+    predicted = model.covariance(setup.camera, state.points_m, state.normals, target_appearance)[0]
     return setup, view, predicted
 
 

@@ -78,8 +78,8 @@ def test_prediction_and_render_have_the_same_light(mi):
     renderer = Renderer(state, meshes, backend.choose())
     camera = dataclasses.replace(room.camera("4"), resolution=(640, 480), pixel_pitch_m=9.3e-6)
     view = renderer.render(renderer.request(camera, room.sensor, Sampling()))
-    look = lit_scene.appearance(state, meshes)
-    assert look.ring_light
+    target_appearance = lit_scene.appearance(state, meshes)
+    assert target_appearance.ring_light
     compared = 0
     for index, marker in enumerate(state.markers):
         point = np.array(marker.centre_m)
@@ -89,7 +89,7 @@ def test_prediction_and_render_have_the_same_light(mi):
         sharp = camera.cos_incidence(point, marker.normal) > 0.6
         if seen and sharp and 0 <= x < 640 and 0 <= y < 480 and view.marker_id[y, x] == marker.id:
             d = camera.range_m(corner)
-            expected = look.white_w_per_m2_sr[index] * camera.cos_incidence(corner, marker.normal) / d**2
+            expected = target_appearance.white_w_per_m2_sr[index] * camera.cos_incidence(corner, marker.normal) / d**2
             found = float(view.radiance[y, x])
             if found > 0.9 * expected:  # not on an edge
                 assert found == pytest.approx(float(expected), rel=0.02)
@@ -102,9 +102,9 @@ def test_the_noise_factor_knows_the_ring(mi):
     camera = PTZCamera((0, 0, 1), 0, 0, zoom=8, focus_distance_m=3)
     normal = [[0, -1.0, 0]]
     near, far = np.array([[0.0, 3, 1]]), np.array([[0.0, 6, 1]])
-    look = Appearance(0.02, 0.01, 0.001, ring_light=True)
+    target_appearance = Appearance(0.02, 0.01, 0.001, ring_light=True)
     for point, share in ((near, 1 / 9), (far, 1 / 36)):
-        lit = evaluate([camera], point, normal, noise="physical", appearance=look).noise_px2
+        lit = evaluate([camera], point, normal, noise="physical", appearance=target_appearance).noise_px2
         same = Appearance(0.02, 0.01 * share, 0.001 * share)
         np.testing.assert_allclose(
             lit, evaluate([camera], point, normal, noise="physical", appearance=same).noise_px2, rtol=1e-9

@@ -101,9 +101,9 @@ def test_the_certificate_leaves_saturated_pixels_out():
     def noise(electrons):
         return np.asarray(SENSOR.noise_electrons(electrons), dtype=np.float32)
 
-    told = certify(image, noise, marker, 1.0, surely_saturated(image.mean, SENSOR))
-    assert np.isnan(told.edge_p999)
-    assert told.meets(0.25)
+    reported = certify(image, noise, marker, 1.0, surely_saturated(image.mean, SENSOR))
+    assert np.isnan(reported.edge_p999)
+    assert reported.meets(0.25)
     assert not certify(image, noise, marker, 1.0).meets(0.25)
 
 

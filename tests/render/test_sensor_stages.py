@@ -55,8 +55,8 @@ def test_without_dark_current_and_pattern_a_capture_is_what_it_was(sensor):
     """Bit for bit, with and without a pattern handed in; the derived gain said outright is the same gain."""
     assert digest(sensor) == FROZEN[sensor]
     assert digest(sensor, pattern=fixed_pattern(CAMERA, sensor)) == FROZEN[sensor]
-    said = dataclasses.replace(sensor, system_gain_dn_per_e=1 / sensor.gain_e_per_dn)
-    assert said.gain_e_per_dn == pytest.approx(sensor.gain_e_per_dn, rel=SAME_TO_ROUNDING)
+    twin_sensor = dataclasses.replace(sensor, system_gain_dn_per_e=1 / sensor.gain_e_per_dn)
+    assert twin_sensor.gain_e_per_dn == pytest.approx(sensor.gain_e_per_dn, rel=SAME_TO_ROUNDING)
     for change in ({"dark_current_e_per_s": 100.0}, {"read_noise_e": 6.5}, {"system_gain_dn_per_e": 0.5}):
         assert digest(dataclasses.replace(sensor, **change)) != FROZEN[sensor]
     # A pattern changes nothing where the sensor says that it has none, and everything where it has.

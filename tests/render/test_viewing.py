@@ -59,9 +59,9 @@ def test_the_view_is_the_one_that_sweeps_ask_for(seen, small, room_store):
     """The same name, so that a command finds it and it finds a command's."""
     sweep = load_sweep("zoom")
     sampling = Sampling(noise_ratio=sweep.render_noise_ratio)
-    (wanted,) = views_of(small, [small.camera(CAMERA)], sampling, backend.choose().identity, 1, 2)
-    assert seen.key == wanted.request.key
-    assert (stored_view(room_store, wanted.request.key).radiance == seen.radiance).all()
+    (requested,) = views_of(small, [small.camera(CAMERA)], sampling, backend.choose().identity, 1, 2)
+    assert seen.key == requested.request.key
+    assert (stored_view(room_store, requested.request.key).radiance == seen.radiance).all()
 
 
 def test_a_stored_view_is_read_and_not_rendered(seen, small, room_store, monkeypatch):

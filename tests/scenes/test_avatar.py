@@ -327,12 +327,12 @@ BROKEN = [
 ]
 
 
-@pytest.mark.parametrize(("override", "said", "allowed"), BROKEN, ids=[override for override, _, _ in BROKEN])
-def test_a_broken_rule_is_one_line(override, said, allowed):
+@pytest.mark.parametrize(("override", "message", "allowed"), BROKEN, ids=[override for override, _, _ in BROKEN])
+def test_a_broken_rule_is_one_line(override, message, allowed):
     with pytest.raises(SceneError) as caught:
         scenes.load(HALLWAY, [f"objects.{override}"])
     (problem,) = caught.value.problems
-    start = said if "objects." in said else f"objects.H1.{said}"
+    start = message if "objects." in message else f"objects.H1.{message}"
     assert problem.partition("hallway.toml: ")[2].startswith(start)
     assert problem.partition("allowed: ")[2].startswith(allowed)
 

@@ -90,9 +90,9 @@ def test_a_scene_does_not_open_files_outside_its_folder(home, way):
     (mine / "folder").symlink_to(home)
     file = {"up": "../crate.ply", "absolute": str(home / "crate.ply"), "link": "link.ply"}.get(way, "folder/crate.ply")
     path = write(mine / "scene.toml", ROOM + CRATE.format(file=file))
-    said = problem_of(scenes.load, path)
-    assert said.startswith(f'{path}: objects.crate.file = "')
-    assert "leads outside (--allow-outside" in said
+    message = problem_of(scenes.load, path)
+    assert message.startswith(f'{path}: objects.crate.file = "')
+    assert "leads outside (--allow-outside" in message
     scene = scenes.load(path, allow_outside=True)
     assert scene.state.objects[-1].shape.name == "crate"
     # What was allowed once stays so where the scene is changed.
@@ -149,8 +149,8 @@ def test_a_sweep_names_scenes_of_its_folder_of_the_project_or_above_a_folder_of_
         if allowed:
             assert load_sweep(path).scene_path == above
         else:
-            said = problem_of(load_sweep, path)
-            assert said.startswith(f'{path}: scene = "../room.toml"; allowed: a scene that comes with the project')
+            message = problem_of(load_sweep, path)
+            assert message.startswith(f'{path}: scene = "../room.toml"; allowed: a scene that comes with the project')
             assert load_sweep(path, allow_outside=True).scene_path == above
     near = write(tmp_path / "mine" / "zoom.toml", changed(ZOOM, "../room.toml", "room.toml"))
     assert load_sweep(near).scene_path == tmp_path / "mine" / "room.toml"
@@ -194,7 +194,7 @@ def test_the_other_commands_have_it_too(command, capsys):
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "message"),
     [
         (b"#" * (MOST_TOML_BYTES + 1), f"{MOST_TOML_BYTES + 1} bytes; allowed: at most {MOST_TOML_BYTES}"),
         (b"x = " + b"[" * 100_000, "too deep; allowed: at most 32 levels"),
@@ -209,13 +209,13 @@ def test_the_other_commands_have_it_too(command, capsys):
         (b"x = 1\nx = 2", "line 2, column"),
     ],
 )
-def test_a_toml_file_that_would_take_too_much_is_one_line(tmp_path, content, said):
+def test_a_toml_file_that_would_take_too_much_is_one_line(tmp_path, content, message):
     path = tmp_path / "x.toml"
     path.write_bytes(content)
     for read in (read_toml, scenes.load, load_sweep, Calibration.from_file):
         line = problem_of(read, path)
         assert line.startswith(f"{path}: ")
-        assert said in line
+        assert message in line
 
 
 def test_a_toml_file_up_to_the_bounds_is_read(tmp_path):
@@ -248,9 +248,9 @@ MANY_OBJECTS = (
 )
 def test_a_scene_that_asks_for_too_much_is_one_line(tmp_path, text, start, allowed):
     path = write(tmp_path / "scene.toml", text)
-    said = problem_of(scenes.load, path)
-    assert said.startswith(f"{path}: {start}")
-    assert allowed in said
+    message = problem_of(scenes.load, path)
+    assert message.startswith(f"{path}: {start}")
+    assert allowed in message
 
 
 @pytest.mark.parametrize(
@@ -276,9 +276,9 @@ def test_a_scene_that_asks_for_too_much_is_one_line(tmp_path, text, start, allow
 )
 def test_a_sweep_or_schedule_that_asks_for_too_much_is_one_line(tmp_path, read, text, start, allowed):
     path = write(tmp_path / "sweeps" / "x.toml", text)
-    said = problem_of(read, path)
-    assert said.startswith(f"{path}: {start}")
-    assert allowed in said
+    message = problem_of(read, path)
+    assert message.startswith(f"{path}: {start}")
+    assert allowed in message
 
 
 def test_a_walk_that_never_ends_is_refused(tmp_path):
@@ -297,8 +297,8 @@ def test_meshes_are_counted_together(tmp_path, monkeypatch):
     monkeypatch.setattr(scenes.mesh_file, "MOST_FACES_IN_ALL", 24)
     scenes.load(path)
     monkeypatch.setattr(scenes.mesh_file, "MOST_FACES_IN_ALL", 23)
-    said = problem_of(scenes.load, path)
-    assert 'objects.other.file = "crate.ply"; allowed: at most 23 faces in all meshes of the scene' in said
+    message = problem_of(scenes.load, path)
+    assert 'objects.other.file = "crate.ply"; allowed: at most 23 faces in all meshes of the scene' in message
 
 
 def test_many_mistakes_are_told_up_to_a_number(tmp_path):
@@ -356,15 +356,15 @@ def test_numbers_beyond_measure_are_told(tmp_path, old, new, key):
 
 
 def test_an_override_beyond_measure_is_told_too():
-    said = problem_of(scenes.load, FOLDER / "room.toml", ["cameras.2.zoom=1e300"])
-    assert 'override "cameras.2.zoom=1e300"; ' in said
+    message = problem_of(scenes.load, FOLDER / "room.toml", ["cameras.2.zoom=1e300"])
+    assert 'override "cameras.2.zoom=1e300"; ' in message
 
 
 def test_a_suit_of_modules_without_measure_is_told(tmp_path):
     walk = (FOLDER / "hallway.toml").read_text(encoding="utf-8")
     text = changed(walk, "first_id = 0 }", "first_id = 0, head_module_mm = 1e30 }")
-    said = problem_of(scenes.load, write(tmp_path / "scene.toml", text))
-    assert "objects.H1.markers.head_module_mm = 1e+30; allowed: at most" in said
+    message = problem_of(scenes.load, write(tmp_path / "scene.toml", text))
+    assert "objects.H1.markers.head_module_mm = 1e+30; allowed: at most" in message
 
 
 # ---- meshes ----------------------------------------------------------------------------------------------------------
@@ -432,12 +432,12 @@ GLB = {
 
 @pytest.mark.parametrize("what", GLB)
 def test_a_glb_that_is_not_whole_or_has_no_end_is_one_line(tmp_path, what):
-    header, said = GLB[what]
+    header, message = GLB[what]
     path = tmp_path / "t.glb"
     path.write_bytes(glb(header, CORNERS))
     line = problem_of(Mesh.from_file, path)
     assert line.startswith(f"mesh {str(path)!r} cannot be read (")
-    assert said in line
+    assert message in line
 
 
 def test_one_mesh_at_many_nodes_is_counted_at_each(tmp_path, monkeypatch):
@@ -531,7 +531,7 @@ def chain_of_defaults() -> str:
 
 
 @pytest.mark.parametrize(
-    ("content", "start", "said"),
+    ("content", "start", "message"),
     [
         ("&j;" + CUBE, LAUGHS, "it has a document type"),
         ("&x;" + CUBE, '<!DOCTYPE scene [<!ENTITY x SYSTEM "secret.txt">]>', "it has a document type"),
@@ -551,10 +551,10 @@ def chain_of_defaults() -> str:
         ),
     ],
 )  # fmt: skip
-def test_a_backdrop_that_reaches_out_or_has_no_end_is_one_line(home, content, start, said):
+def test_a_backdrop_that_reaches_out_or_has_no_end_is_one_line(home, content, start, message):
     (home / "mine" / "link.ply").symlink_to(home / "crate.ply")
     path = backdrop(home / "mine", content, start)
-    assert said in problem_of(read_backdrop, path, within=path.parent)
+    assert message in problem_of(read_backdrop, path, within=path.parent)
 
 
 def test_a_backdrop_may_name_files_of_the_scenes_folder_and_with_the_option_any(home):
@@ -612,7 +612,7 @@ def test_a_texture_is_an_image_of_bounded_size(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("name = 1\n[weights]\nfloor = 1.0\n", "name = 1; allowed: text"),
         ("provenance = 1\n[weights]\nfloor = 1.0\n", "provenance = 1; allowed: a table"),
@@ -621,9 +621,9 @@ def test_a_texture_is_an_image_of_bounded_size(tmp_path, monkeypatch):
         (f'weights = "{"w" * 5000}"\n', "…; allowed: a table of"),
     ],
 )
-def test_a_calibration_of_odd_values_is_one_line(tmp_path, text, said):
+def test_a_calibration_of_odd_values_is_one_line(tmp_path, text, message):
     line = problem_of(Calibration.from_file, write(tmp_path / "c.toml", text))
-    assert said in line
+    assert message in line
     assert len(line) < 500
 
 
@@ -642,8 +642,8 @@ def test_an_archive_that_promises_more_than_it_holds_is_nothing(tmp_path, monkey
     asked = []
     monkeypatch.setattr(np, "load", lambda *arguments, **options: asked.append(arguments))
     member = io.BytesIO()
-    said = {"descr": "<f8", "fortran_order": False, "shape": (9_000_000_000,)}
-    np.lib.format.write_array_header_1_0(member, said)
+    message = {"descr": "<f8", "fortran_order": False, "shape": (9_000_000_000,)}
+    np.lib.format.write_array_header_1_0(member, message)
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("numbers.npy", member.getvalue() + bytes(72))
     assert store.load(path) is None

@@ -101,12 +101,12 @@ def test_a_file_without_normals_is_as_good_as_one_with(tmp_path):
     """Faces have the normals of their corners, whatever the file says of normals, or if it says nothing."""
     body, wrong = crate(), crate()
     wrong.vertex_normals = -np.array(wrong.vertex_normals)
-    bare, said = body.export(file_type="ply", vertex_normal=False), wrong.export(file_type="ply", vertex_normal=True)
-    assert b"property float nx" in said
+    bare, message = body.export(file_type="ply", vertex_normal=False), wrong.export(file_type="ply", vertex_normal=True)
+    assert b"property float nx" in message
     assert b"property float nx" not in bare
     meshes = []
     (tmp_path / "scene.toml").write_text(LARGER + CRATE)
-    for content in (bare, said):
+    for content in (bare, message):
         (tmp_path / "crate.ply").write_bytes(content)
         scene = scenes.load(tmp_path / "scene.toml")
         assert scene.warnings == ()
@@ -157,32 +157,32 @@ BROKEN = {
 
 @pytest.mark.parametrize("what", BROKEN)
 def test_a_wrong_mesh_is_one_line(what, tmp_path):
-    body, (old, new), start, said = BROKEN[what]
+    body, (old, new), start, message = BROKEN[what]
     problems = refused(tmp_path, body, LARGER + CRATE.replace(old, new, 1))
     # A misspelt key that must be there is missing too.
     problems = [problem for problem in problems if "is missing" not in problem]
     assert len(problems) == 1, problems
     assert problems[0].startswith(f"{tmp_path / 'scene.toml'}: {start}")
-    assert said in problems[0]
+    assert message in problems[0]
     assert "\n" not in problems[0]
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "message"),
     [
         (b"", "cannot be read"),
         (b"ply\nrubbish", "cannot be read"),
         (b"ply\nformat ascii 1.0\nelement vertex 0\nend_header\n", "triangles"),
     ],
 )
-def test_a_file_without_a_mesh_is_one_line(content, said, tmp_path):
+def test_a_file_without_a_mesh_is_one_line(content, message, tmp_path):
     (tmp_path / "crate.ply").write_bytes(content)
     (tmp_path / "scene.toml").write_text(LARGER + CRATE)
     with pytest.raises(SceneError) as caught:
         scenes.load(tmp_path / "scene.toml")
     (problem,) = caught.value.problems
     assert 'objects.crate.file = "crate.ply"; allowed: a mesh with triangles' in problem
-    assert said in problem
+    assert message in problem
 
 
 def test_all_problems_of_mesh_and_scene_come_at_once(tmp_path):
@@ -201,10 +201,10 @@ def changed(text: str, *replacements: tuple[str, str]) -> str:
 
 def test_what_is_accepted_with_a_warning(tmp_path):
     (warning,) = load(tmp_path, opened()).warnings
-    said = (
+    message = (
         'scene.toml: warning: objects.crate.file = "crate.ply"; not watertight: 11 of 11 faces are seen from both sides'
     )
-    assert warning.endswith(said)
+    assert warning.endswith(message)
     inverted = crate()
     inverted.invert()
     (warning,) = load(tmp_path, inverted).warnings
@@ -295,7 +295,7 @@ def test_as_many_markers_as_are_said_to_fit_do_whatever_was_asked_for(distance_m
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("old", "new", "start", "said"),
+    ("old", "new", "start", "message"),
     [
         ("module_mm = 8.0", "module_mm = 90.0", "min_distance_m = 0.12; ", "at least 1.0183, the diagonal of a plate"),
         ("0.12, flat", "2.0, flat", "count = 20; ", "at most 1, as no more fit 2 m apart"),
@@ -304,10 +304,10 @@ def test_as_many_markers_as_are_said_to_fit_do_whatever_was_asked_for(distance_m
         ("count = 20", "count = 0", "count = 0; ", "1 or more"),
     ],
 )
-def test_rules_of_spread_markers(old, new, start, said, tmp_path):
+def test_rules_of_spread_markers(old, new, start, message, tmp_path):
     (problem,) = refused(tmp_path, None, LARGER + CRATE + changed(SPREAD, (old, new)))
     assert f"objects.crate.markers.{start}" in problem
-    assert said in problem
+    assert message in problem
 
 
 @pytest.mark.slow

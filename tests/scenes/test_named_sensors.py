@@ -71,10 +71,10 @@ def problems(folder: Path, text: str, *overrides: str) -> list[str]:
 @pytest.mark.parametrize("name", NAMES)
 def test_a_named_sensor_is_what_data_sheets_of_its_class_say(name, tmp_path):
     scene = load(tmp_path, f'name = "{name}"\nexposure_ms = 4')
-    said = scene.resolved()["sensor"]
-    said["width_mm"] = said["resolution_px"][0] * said["pixel_pitch_um"] * 1e-3
+    values = scene.resolved()["sensor"]
+    values["width_mm"] = values["resolution_px"][0] * values["pixel_pitch_um"] * 1e-3
     for key, (lowest, highest) in (CLASSES[name] | ANY_CLASS).items():
-        assert lowest <= said[key] <= highest, key
+        assert lowest <= values[key] <= highest, key
     # The converter's steps do not drown the dark noise (EMVA 1288 asks for 0.5 DN), nor the black level cut it off.
     sensor = scene.sensor
     assert sensor.read_noise_e / sensor.gain_e_per_dn > 0.5
@@ -85,11 +85,11 @@ def test_a_named_sensor_is_what_data_sheets_of_its_class_say(name, tmp_path):
 def test_the_scene_has_every_number_of_the_file(name, tmp_path):
     """Cameras get the pixels, the image sensor the rest; nothing stays at a default."""
     scene = load(tmp_path, f'name = "{name}"\nexposure_ms = 2.5')
-    said = tomllib.loads((FOLDER / "sensors" / f"{name}.toml").read_text())
-    assert set(said) == set(SensorFileSpec.model_fields) - {"system_gain_dn_per_e"}
-    assert {camera.resolution for camera in scene.cameras} == {tuple(said.pop("resolution_px"))}
-    assert scene.cameras[0].pixel_pitch_m == pytest.approx(said.pop("pixel_pitch_um") * 1e-6, rel=1e-12)
-    assert {key: getattr(scene.sensor, key) for key in said} == said
+    values = tomllib.loads((FOLDER / "sensors" / f"{name}.toml").read_text())
+    assert set(values) == set(SensorFileSpec.model_fields) - {"system_gain_dn_per_e"}
+    assert {camera.resolution for camera in scene.cameras} == {tuple(values.pop("resolution_px"))}
+    assert scene.cameras[0].pixel_pitch_m == pytest.approx(values.pop("pixel_pitch_um") * 1e-6, rel=1e-12)
+    assert {key: getattr(scene.sensor, key) for key in values} == values
     assert scene.sensor.exposure_ms == 2.5
 
 
@@ -119,9 +119,9 @@ def test_the_name_as_an_override_is_another_sensor_with_the_old_exposure():
     name = "low-light-large-pixel"
     overrides = ["sensor.bits=10", f"sensor.name={name}", "sensor.read_noise_e=3"]
     sensor = scenes.load(FOLDER / "room.toml", overrides).sensor
-    said = read_sensor(name)
+    values = read_sensor(name)
     assert (sensor.full_well_e, sensor.bits, sensor.prnu_share) == tuple(
-        said[key] for key in ("full_well_e", "bits", "prnu_share")
+        values[key] for key in ("full_well_e", "bits", "prnu_share")
     )
     assert (sensor.exposure_ms, sensor.read_noise_e) == (4.0, 3.0)
 
@@ -153,7 +153,7 @@ def test_the_resolved_scene_has_everything_and_is_a_scene_itself(name, gain, tmp
 
 
 @pytest.mark.parametrize(
-    ("said", "hint"),
+    ("values", "hint"),
     [
         ('"machine-vision-global-shuter"', ', did you mean "machine-vision-global-shutter"?'),
         ('"surveilance"', ', did you mean "surveillance-ptz"?'),
@@ -161,10 +161,10 @@ def test_the_resolved_scene_has_everything_and_is_a_scene_itself(name, gain, tmp
         ("3", ""),
     ],
 )
-def test_a_wrong_name_is_one_line_with_the_nearest(said, hint, tmp_path):
+def test_a_wrong_name_is_one_line_with_the_nearest(values, hint, tmp_path):
     """What the name would have filled in is not told as missing."""
-    assert problems(tmp_path, f"name = {said}\nexposure_ms = 4") == [
-        f"sensor.name = {said}; allowed: {', '.join(NAMES)}{hint}"
+    assert problems(tmp_path, f"name = {values}\nexposure_ms = 4") == [
+        f"sensor.name = {values}; allowed: {', '.join(NAMES)}{hint}"
     ]
 
 

@@ -106,7 +106,7 @@ def test_factors_are_switched_and_weighted_wherever_a_model_has_them(room):
 
 
 @pytest.mark.parametrize(
-    ("overrides", "said"),
+    ("overrides", "message"),
     [
         (('noise.models=["nowhere.toml"]',), "nowhere.toml: there is no such file"),
         (('noise.models=["korrect"]',), 'noise.models.#1 = "korrect"; allowed: as-printed, corrected'),
@@ -124,8 +124,8 @@ def test_factors_are_switched_and_weighted_wherever_a_model_has_them(room):
         (("metric.visibility=lab",), 'metric.visibility = "lab" (override); allowed: point, target, calibrated'),
     ],
 )
-def test_what_would_be_without_effect_is_one_line(room, overrides, said):
-    assert said in problem(room, *overrides)
+def test_what_would_be_without_effect_is_one_line(room, overrides, message):
+    assert message in problem(room, *overrides)
 
 
 def test_a_calibration_without_limits_does_not_count_as_seen(room):

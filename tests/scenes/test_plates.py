@@ -89,7 +89,7 @@ def test_a_plate_on_a_ball_may_float_by_two_millimetres(shape):
 
 @pytest.mark.parametrize("shape", [BOX, BOX_MESH], ids=["box", "mesh"])
 @pytest.mark.parametrize(
-    ("on_m", "normal", "said"),
+    ("on_m", "normal", "message"),
     [
         ((0, 0.2, 0.3), (0, 1, 0), None),
         ((0.15, 0.2, 0.3), (0, 1, 0), None),
@@ -105,9 +105,9 @@ def test_a_plate_on_a_ball_may_float_by_two_millimetres(shape):
         ((0, 0.5, 0.3), (0, 1, 0), "all of it has no surface beneath"),
     ],
 )
-def test_a_plate_on_a_box(shape, on_m, normal, said):
+def test_a_plate_on_a_box(shape, on_m, normal, message):
     found = problem(marker(on_m, normal), shape)
-    assert found is None if said is None else said in found
+    assert found is None if message is None else message in found
 
 
 def test_a_plate_on_a_board():

@@ -633,7 +633,7 @@ def test_an_override_of_pan_and_tilt_takes_the_place_of_the_aim():
 
 
 @pytest.mark.parametrize(
-    ("override", "said", "allowed"),
+    ("override", "message", "allowed"),
     [
         ("cameras.8.zoom=1", 'cameras has no key "8"', "allowed: 1, 2, 3, 4, 5, 6, 7"),
         ("cameras.2.zom=3", 'cameras.2 has no key "zom", did you mean "zoom"?', "allowed: name, position_m, aim_m"),
@@ -650,9 +650,9 @@ def test_an_override_of_pan_and_tilt_takes_the_place_of_the_aim():
         ("room=3", "room = 3 (override)", "allowed: a table with width_m"),
     ],
 )
-def test_a_wrong_override_is_one_line(override, said, allowed, tmp_path):
+def test_a_wrong_override_is_one_line(override, message, allowed, tmp_path):
     (problem,) = scene_problems(tmp_path, ROOM, (override,))
-    assert said in problem
+    assert message in problem
     assert allowed in problem
 
 

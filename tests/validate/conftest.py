@@ -13,7 +13,7 @@ from validate.acquire.acquire import Acquisition
 
 
 @pytest.fixture
-def wanted(monkeypatch):
+def requested(monkeypatch):
     """Views of one camera at three zooms, in a room with a lamp and a marker; made by the stand-ins."""
     monkeypatch.setattr(acquiring, "Renderer", NoiseRenderer)
     monkeypatch.setattr(acquiring, "WorkerQueue", QueueOfThisProcess)

@@ -24,7 +24,7 @@ from render.store.views import DamagedViewError, certificate_of, render_seconds_
 from render.world.state import SceneState
 from validate.acquire.options import HERE, Scale
 from validate.acquire.queue import WorkerQueue
-from validate.acquire.request import Acquired, Acquisition, LightError, by_state, said, views_of
+from validate.acquire.request import Acquired, Acquisition, LightError, by_state, error_line, views_of
 from validate.markers.view_measurement import load_measurement, measure
 from validate.runs.interruption import raise_if_interrupted
 from validate.runs.progress import ViewProgress
@@ -38,7 +38,7 @@ MOST_WAITING = 4
 
 
 def acquire(
-    wanted: Iterable[Acquisition],
+    requested: Iterable[Acquisition],
     store: Store,
     chosen: backend.Backend,
     progress_for: Callable[[int], ViewProgress],
@@ -54,7 +54,7 @@ def acquire(
         ScaleError: the workers cannot be used, or cannot be reached any more.
     """
     remove_abandoned(store.folder.glob("**/"))
-    unique = list(dict.fromkeys(wanted))
+    unique = list(dict.fromkeys(requested))
     acquired = Acquired()
     todo = [item for item in unique if not (_certified(item, store, acquired) and _loaded(item, store, acquired))]
     if todo and not store.writable:
@@ -82,7 +82,7 @@ def acquire(
 
 def with_whole_views(
     use: Callable[[], T],
-    wanted: Sequence[Acquisition],
+    requested: Sequence[Acquisition],
     store: Store,
     chosen: backend.Backend,
     progress_for: Callable[[int], ViewProgress],
@@ -93,11 +93,11 @@ def with_whole_views(
     Raises:
         DamagedViewError: views are damaged as fast as they are made.
     """
-    for _ in wanted:
+    for _ in requested:
         try:
             return use()
         except DamagedViewError:
-            acquire(wanted, store, chosen, progress_for, scale)
+            acquire(requested, store, chosen, progress_for, scale)
     return use()
 
 
@@ -142,7 +142,7 @@ def _find_appearances(
         except Exception as error:
             for item in members:
                 if item.request.key not in acquired.failed:
-                    _failed(item, said(error), progress, acquired)
+                    _failed(item, error_line(error), progress, acquired)
                 acquired.measured.pop(item, None)
 
 
@@ -162,7 +162,7 @@ def _make(
         elif isinstance(error, StoreError) and not isinstance(error, DamagedViewError):
             raise error
         else:
-            _failed(item, said(error), progress, acquired)
+            _failed(item, error_line(error), progress, acquired)
 
     with WorkerQueue(max(1, os.cpu_count() or 1), MOST_WAITING, done) as queue:
         _render_all(todo, store, chosen, queue, progress, acquired)
@@ -210,7 +210,7 @@ def _render_all(
             except Exception as error:  # one failing view must not end the sweep
                 if isinstance(error, LightError):
                     unlit[state] = str(error)
-                _failed(item, said(error), progress, acquired)
+                _failed(item, error_line(error), progress, acquired)
                 continue
             acquired.render_seconds[request.key] = time.perf_counter() - begin
             acquired.certificates[request.key] = view.certificate
@@ -239,6 +239,6 @@ def _renderer(
         except StoreError:
             raise
         except Exception as error:
-            raise LightError(f"the scene's light cannot be solved: {said(error)}") from error
+            raise LightError(f"the scene's light cannot be solved: {error_line(error)}") from error
         renderers[key] = Renderer(state, meshes, chosen)
     return renderers[key]

@@ -20,7 +20,7 @@ Loaded = tuple[SweepFile, Scene]
 def with_exposures(
     loaded: Sequence[Loaded],
     store: Store,
-    say: Callable[[str], None],
+    report: Callable[[str], None],
     note: Callable[[str], None],
     chosen_backend: Backend | None = None,
     solved: Callable[[str, float], None] = lambda key, took_s: None,
@@ -30,7 +30,7 @@ def with_exposures(
     Sweeps of one scene have one exposure, the same for all their cameras and configurations: they share views.
 
     Args:
-        say: is told each choice, in one line.
+        report: is told each choice, in one line.
         note: is told what takes a while.
         chosen_backend, solved: as of `render.store.light.baked`.
     """
@@ -47,7 +47,7 @@ def with_exposures(
         choice = _choose(members, store, chosen_backend, solved)
         chosen[group] = choice.exposure_ms
         where = f" of {scene.path.name}" if len(open_scenes) > 1 else ""
-        say(f"exposure{where}: {_described(choice, scene)}")
+        report(f"exposure{where}: {_described(choice, scene)}")
     return [
         (sweep, scene)
         if scene.auto_exposure is None
@@ -67,9 +67,9 @@ def _choose(
         for configuration in sweep.configurations(with_its_cameras)
         for camera in configuration.cameras
     )
-    look = lit_scene.appearance(state, baked(state, store, chosen_backend, solved))
+    marker_appearance = lit_scene.appearance(state, baked(state, store, chosen_backend, solved))
     assert scene.auto_exposure is not None
-    return choose_exposure(look, state.points_m, state.normals, cameras, scene.sensor, scene.auto_exposure)
+    return choose_exposure(marker_appearance, state.points_m, state.normals, cameras, scene.sensor, scene.auto_exposure)
 
 
 def _described(choice: ExposureChoice, scene: Scene) -> str:

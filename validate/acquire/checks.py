@@ -55,7 +55,7 @@ def check_workers(workers: Workers, store: Store, chosen: backend.Backend) -> No
         raise ScaleError(f"worker {address} has {threads} threads; allowed is 1 (dask worker --nthreads 1)")
     small = f".seen-{uuid.uuid4().hex}"
     content = uuid.uuid4().hex
-    _leave(store, small, content)
+    _write_token(store, small, content)
     try:
         found = workers.client.run(report, store_name(store), small, chosen.variant, on_error="return")
     except Exception as error:  # whatever a worker without this project makes of the question
@@ -120,7 +120,7 @@ def _without_project(who: str, error: BaseException) -> str:
     )
 
 
-def _leave(store: Store, small: str, content: str) -> None:
+def _write_token(store: Store, small: str, content: str) -> None:
     if isinstance(store, RemoteStore):
         try:
             store.files.makedirs(store.root, exist_ok=True)

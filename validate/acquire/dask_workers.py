@@ -38,7 +38,7 @@ __all__ = ["ScaleError", "WorkerGoneError", "Workers", "workers_of"]
 # s, for a scheduler to answer at all.
 SECONDS_TO_ANSWER = 10.0
 # s, between two looks at which workers are there: what a death costs before its job is done elsewhere.
-SECONDS_BETWEEN_LOOKS = 1.0
+POLL_SECONDS = 1.0
 # s, for a finished job's few hundred bytes to come, before its worker counts as gone.
 SECONDS_FOR_RESULT = 30.0
 # s, for local processes to end after they were told to, before they are killed.
@@ -71,8 +71,8 @@ class Workers:
         self._finished: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._under_way: dict[str, tuple[Future, str, Job]] = {}
         self._live: set[str] = set()
-        self._looked = self._seen = time.monotonic()
-        self._told = False
+        self._last_poll = self._seen = time.monotonic()
+        self._reported = False
         self._run = uuid.uuid4().hex[:8]
         self._number = 0
 
@@ -83,18 +83,18 @@ class Workers:
             ScaleError: the scheduler does not answer, or no local process stays alive.
         """
         now = time.monotonic()
-        if not self._live or now - self._looked > SECONDS_BETWEEN_LOOKS:
+        if not self._live or now - self._last_poll > POLL_SECONDS:
             try:
                 self._live = set(self.client.nthreads())
             except (OSError, TimeoutError, RuntimeError) as error:
                 raise ScaleError(f"{self._name} does not answer any more; what is made so far is stored") from error
-            self._looked = time.monotonic()
+            self._last_poll = time.monotonic()
         if self._live:
-            self._seen, self._told = now, False
+            self._seen, self._reported = now, False
         elif self.local and now - self._seen > MOST_SECONDS_ALONE:
             raise ScaleError(f"no worker process has stayed alive for {MOST_SECONDS_ALONE:g} s")
-        elif not self.local and not self._told and now - self._seen > SECONDS_TO_ANSWER:
-            self._told = True
+        elif not self.local and not self._reported and now - self._seen > SECONDS_TO_ANSWER:
+            self._reported = True
             _log.warning("%s has no worker; waiting for one", self._name)
         return self._live
 
@@ -102,7 +102,7 @@ class Workers:
         """Wait until there is a worker: a queue of a cluster may take its time."""
         while not self.live():
             raise_if_interrupted()
-            time.sleep(SECONDS_BETWEEN_LOOKS)
+            time.sleep(POLL_SECONDS)
 
     def busy(self) -> set[str]:
         """Addresses of the workers that have a job."""

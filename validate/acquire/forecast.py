@@ -28,7 +28,7 @@ from validate.runs.progress import EXPECTED_LIGHT_SECONDS, clock
 __all__ = ["Forecast", "announce", "exposures_assumed", "forecast"]
 
 # Of each kind of file, so many of the newest are asked for their seconds: more would only take time to read.
-MOST_ASKED = 200
+MOST_PAST_VIEWS = 200
 # Views, light or measurements below which their mean says less than the benchmarks.
 LEAST_KNOWN = 5
 # Of a view, as the store's are: 9.0 MB on average at 1280 × 960.
@@ -47,7 +47,7 @@ class Forecast:
         to_render, to_measure, to_light: what it has not; light is solved once for each scene state.
         seconds: s, all of it, without tables and figures.
         needed_bytes: of what would be added to the store.
-        asked: past views whose seconds were taken; 0 where the benchmarks' were.
+        past_views: past views whose seconds were taken; 0 where the benchmarks' were.
         render_bytes, measure_bytes: peak memory of a process that renders, and of one that measures, the largest of
             what is missing; 0 where nothing is.
     """
@@ -60,19 +60,19 @@ class Forecast:
     to_light: int
     seconds: float
     needed_bytes: int
-    asked: int
+    past_views: int
     render_bytes: int = 0
     measure_bytes: int = 0
 
 
-def forecast(wanted: Sequence[Acquisition], store: Store, renderer: str, workers: int) -> Forecast:
+def forecast(requested: Sequence[Acquisition], store: Store, renderer: str, workers: int) -> Forecast:
     """Count what is missing, and reckon how long it takes.
 
     Args:
         renderer: identity of what would render; past views of another one do not count.
         workers: processes that measure.
     """
-    unique = list(dict.fromkeys(wanted))
+    unique = list(dict.fromkeys(requested))
     images = {item.request.key: item for item in unique}
     to_render = [item for key, item in images.items() if not store.has(store.view(key))]
     missing = {item.request.key for item in to_render}
@@ -80,11 +80,11 @@ def forecast(wanted: Sequence[Acquisition], store: Store, renderer: str, workers
     lights = dict.fromkeys(light_key(item.request.state) for item in unique)
     to_light = [key for key in lights if not store.has(store.light(key))]
 
-    needed, asked, render_s, measure_s = 0.0, 0, 0.0, 0.0
+    needed, past_views, render_s, measure_s = 0.0, 0, 0.0, 0.0
     views = [known for known in _newest(store.folder / "views") if known.facts.get("renderer") == renderer]
     for item in to_render:
         alike = _alike(views, item)
-        asked = max(asked, len(alike))
+        past_views = max(past_views, len(alike))
         expected_s = render_seconds(_pixels(item), item.request.sampling.noise_ratio)
         render_s += _mean([_seconds(known) for known in alike], expected_s)
         needed += _mean([known.size_bytes for known in alike], VIEW_BYTES_A_PIXEL * _pixels(item))
@@ -108,7 +108,7 @@ def forecast(wanted: Sequence[Acquisition], store: Store, renderer: str, workers
         to_light=len(to_light),
         seconds=light_s * len(to_light) + max(render_s + afterwards_s / workers, measure_s / workers),
         needed_bytes=round(needed),
-        asked=asked,
+        past_views=past_views,
         render_bytes=round(max((render_bytes(_pixels(item)) for item in to_render), default=0)),
         measure_bytes=round(max((measure_bytes(_pixels(item)) for item in to_measure), default=0)),
     )
@@ -116,7 +116,7 @@ def forecast(wanted: Sequence[Acquisition], store: Store, renderer: str, workers
 
 def announce(
     counts: Sequence[str],
-    wanted: Sequence[Acquisition],
+    requested: Sequence[Acquisition],
     source: ViewSource,
     folder: Path,
 ) -> Forecast:
@@ -132,30 +132,31 @@ def announce(
     made_by = f"{workers} measuring processes"
     if scale != HERE:
         made_by = f"the workers of {scale.cluster}" if scale.cluster else f"{scale.workers} workers"
-    said = forecast(wanted, store, chosen.identity, workers)
+    estimate = forecast(requested, store, chosen.identity, workers)
     free = free_bytes(store.folder / "views")
-    rates = f"as {said.asked} past views of this store" if said.asked else "at the rates of two cores (docs/runs.md)"
+    past = estimate.past_views
+    rates = f"as {past} past views of this store" if past else "at the rates of two cores (docs/runs.md)"
     here = "" if source.address == str(store.folder) else f", on this machine {store.folder}"
-    memory = _memory(said, scale, workers)
+    memory = _memory(estimate, scale, workers)
     library = f", {chosen.libllvm}" if chosen.libllvm else ""
-    to_render = f"{said.to_render} to render ({said.rendered} stored)"
-    to_measure = f"{said.to_measure} to measure ({said.measured} stored)"
-    to_light = f"light of {said.to_light} scene states to solve"
+    to_render = f"{estimate.to_render} to render ({estimate.rendered} stored)"
+    to_measure = f"{estimate.to_measure} to measure ({estimate.measured} stored)"
+    to_light = f"light of {estimate.to_light} scene states to solve"
     lines = [
         *counts,
-        f"{said.views} views: {to_render}, {to_measure}; {to_light}",
-        f"about {clock(said.seconds)} and {_megabytes(said.needed_bytes)}, {rates}"
-        if said.seconds
+        f"{estimate.views} views: {to_render}, {to_measure}; {to_light}",
+        f"about {clock(estimate.seconds)} and {_megabytes(estimate.needed_bytes)}, {rates}"
+        if estimate.seconds
         else "nothing to do",
-        *([memory.line] if said.seconds else []),
+        *([memory.line] if estimate.seconds else []),
         f"{chosen.identity}{library}; {made_by}",
         f"store {source.address}{here}: {_megabytes(free)} free; results would be in {folder}",
     ]
     for line in lines:
         messages.console.print(line, markup=False, soft_wrap=True)
-    if said.needed_bytes > free:
+    if estimate.needed_bytes > free:
         messages.errors.print(
-            f"the disk is too small: {_megabytes(said.needed_bytes)} would be added to {store.folder}, "
+            f"the disk is too small: {_megabytes(estimate.needed_bytes)} would be added to {store.folder}, "
             f"{_megabytes(free)} are free",
             style="red",
             markup=False,
@@ -168,7 +169,7 @@ def announce(
             style="red",
             soft_wrap=True,
         )
-    return said
+    return estimate
 
 
 @dataclass(frozen=True)
@@ -180,10 +181,10 @@ class _Memory:
     line: str
 
 
-def _memory(said: Forecast, scale: Scale, processes: int) -> _Memory:
-    render, measure, machine = said.render_bytes, said.measure_bytes, machine_bytes()
+def _memory(estimate: Forecast, scale: Scale, processes: int) -> _Memory:
+    render, measure, machine = estimate.render_bytes, estimate.measure_bytes, machine_bytes()
     if scale == HERE:
-        workers = min(processes, said.to_measure)
+        workers = min(processes, estimate.to_measure)
         together = render + workers * measure
         parts = [f"{_gigabytes(render)} to render"] if render else []
         parts += [f"{_gigabytes(measure)} for each of {workers} measuring processes"] if measure else []
@@ -222,7 +223,7 @@ def exposures_assumed(loaded: Sequence[tuple[SweepFile, Scene]], source: ViewSou
 
 def _newest(folder: Path) -> list[FileSum]:
     """What the newest files of a folder say of themselves, those alone that say how long they took."""
-    found = heapq.nlargest(MOST_ASKED, _sums_of(folder))
+    found = heapq.nlargest(MOST_PAST_VIEWS, _sums_of(folder))
     known = [(read_sums(Path(path.removesuffix(SUFFIX))) or [None])[-1] for _, path in found]
     return [each for each in known if each is not None and "seconds" in each.facts]
 

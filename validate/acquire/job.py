@@ -24,7 +24,7 @@ from render.store.light import baked
 from render.store.remote import open_store
 from render.store.views import DamagedViewError, certificate_of, save_view
 from render.world.state import SceneState
-from validate.acquire.request import Acquisition, LightError, said
+from validate.acquire.request import Acquisition, LightError, error_line
 from validate.markers.view_measurement import load_measurement, measure
 
 __all__ = ["Job", "Made", "Measuring", "Place", "cores_here", "work"]
@@ -116,11 +116,11 @@ def work(job: bytes, state: bytes | None) -> Made:
         try:
             return _work(pickle.loads(job), state)
         except DamagedViewError as error:
-            return Made(failed=said(error))
+            return Made(failed=error_line(error))
         except StoreError:
             raise
         except Exception as error:  # one failing view must not end the run
-            return Made(failed=said(error))
+            return Made(failed=error_line(error))
 
 
 def cores_here() -> int:
@@ -173,7 +173,7 @@ def _render(request: ViewRequest, store: Store, chosen: backend.Backend) -> tupl
         except StoreError:
             raise
         except Exception as error:
-            raise LightError(f"the scene's light cannot be solved: {said(error)}") from error
+            raise LightError(f"the scene's light cannot be solved: {error_line(error)}") from error
         _Kept.renderer = key, Renderer(request.state, meshes, chosen)
     after_light = time.perf_counter()
     view = _Kept.renderer[1].render(request)

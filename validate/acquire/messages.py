@@ -69,11 +69,11 @@ class RunMessages:
         """Progress of one pass over the views of which `total` are still to be made."""
         return ViewProgress(total, self.notes, self._events)
 
-    def start(self, folder: Path, command: str, **said: object) -> None:
+    def start(self, folder: Path, command: str, **fields: object) -> None:
         """From now on there are events, in the run's folder, and no other run may use it until the context ends.
 
         Args:
-            said: goes into the first event.
+            fields: goes into the first event.
 
         Raises:
             StoreError: another run uses the folder; nothing is written there.
@@ -82,7 +82,7 @@ class RunMessages:
         self._events = EventFile(
             folder, lambda line: self.errors.print(line, markup=False, soft_wrap=True), self._begin
         )
-        self._event("started", command=command, **said)
+        self._event("started", command=command, **fields)
 
     def light_solved(self, state: str, took_s: float) -> None:
         """The light of a scene state was solved before any view was asked for."""
@@ -124,6 +124,6 @@ class RunMessages:
         )
         return exit_code
 
-    def _event(self, event: str, **said: object) -> None:
+    def _event(self, event: str, **fields: object) -> None:
         if self._events is not None:
-            self._events.write(event, **said)
+            self._events.write(event, **fields)

@@ -18,10 +18,10 @@ SATURATED_SHARE = 0.001
 
 
 def warn_of_render_noise(
-    wanted: Sequence[Acquisition], acquired: Acquired, warn: Callable[[str], None], names: Mapping[str, str]
+    requested: Sequence[Acquisition], acquired: Acquired, warn: Callable[[str], None], names: Mapping[str, str]
 ) -> None:
     """Say which views have more sampling noise than was asked, in one line; `names` by the views' hashes."""
-    bounds = {item.request.key: item.request.sampling.noise_ratio for item in wanted}
+    bounds = {item.request.key: item.request.sampling.noise_ratio for item in requested}
     missed = {
         key: certificate.edge_p999
         for key, certificate in acquired.certificates.items()
@@ -37,16 +37,16 @@ def warn_of_render_noise(
 
 
 def warn_of_darkness(
-    wanted: Sequence[Acquisition], acquired: Acquired, warn: Callable[[str], None], names: Mapping[str, str]
+    requested: Sequence[Acquisition], acquired: Acquired, warn: Callable[[str], None], names: Mapping[str, str]
 ) -> None:
     """Name the views in which even the best lit marker is lost in the noise of a capture, and what helps."""
-    requests = {item.request.key: item.request for item in wanted}
+    requests = {item.request.key: item.request for item in requested}
     dark: dict[str, tuple[float, str]] = {}
     for key, request in requests.items():
-        look = acquired.appearances.get(state_key(request.state))
-        if look is None:
+        appearance = acquired.appearances.get(state_key(request.state))
+        if appearance is None:
             continue
-        views = Views([request.camera], request.state.points_m, request.state.normals, look)
+        views = Views([request.camera], request.state.points_m, request.state.normals, appearance)
         [(contrast, white_e, best)] = brightest_in_view(views, request.sensor)
         if best >= 0 and contrast < LEAST_CONTRAST_OVER_NOISE and white_e < request.sensor.saturation_e:
             light = float(white_irradiance(views, request.state)[0, best])
@@ -57,14 +57,14 @@ def warn_of_darkness(
 
 
 def warn_of_saturation(
-    wanted: Sequence[Acquisition], acquired: Acquired, warn: Callable[[str], None], names: Mapping[str, str]
+    requested: Sequence[Acquisition], acquired: Acquired, warn: Callable[[str], None], names: Mapping[str, str]
 ) -> None:
     """Say which views are overexposed where it counts, and what helps: edges that saturate seem to lie elsewhere.
 
     Args:
         names: what people call the views, by their hashes.
     """
-    count = len({item.request.key for item in wanted})
+    count = len({item.request.key for item in requested})
     bright = {
         key: certificate.saturated_share
         for key, certificate in acquired.certificates.items()

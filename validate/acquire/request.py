@@ -13,7 +13,7 @@ from render.store.folder import Store
 from scenes import Scene
 from validate.markers.view_measurement import MeasureTask, ViewMeasurement
 
-__all__ = ["Acquired", "Acquisition", "LightError", "by_state", "said", "views_of"]
+__all__ = ["Acquired", "Acquisition", "LightError", "by_state", "error_line", "views_of"]
 
 
 class LightError(PSSError, RuntimeError):
@@ -74,7 +74,7 @@ class Acquired:
         return {"rendered": self.rendered, "measured": len(self.measured_items), "failed": self.failed}
 
 
-def said(error: BaseException | None) -> str:
+def error_line(error: BaseException | None) -> str:
     """Why a view failed, in words for people."""
     return str(error) if isinstance(error, LightError) else f"{type(error).__name__}: {error}"
 

@@ -13,14 +13,14 @@ from validate.acquire.dask_workers import WorkerGoneError, Workers, workers_of
 from validate.acquire.handout import MOST_DEATHS, Handout
 from validate.acquire.job import Job, Made, Measuring, Place
 from validate.acquire.options import Scale
-from validate.acquire.request import Acquired, Acquisition, by_state, said
+from validate.acquire.request import Acquired, Acquisition, by_state, error_line
 from validate.runs.interruption import raise_if_interrupted
 from validate.runs.progress import ViewProgress
 
 __all__ = ["hand_out", "jobs_of", "make_on_workers"]
 
 # s, of waiting before Ctrl-C is looked for once more.
-SECONDS_TO_LOOK = 0.5
+POLL_SECONDS = 0.5
 
 
 def make_on_workers(
@@ -52,11 +52,11 @@ def make_on_workers(
 
 def jobs_of(todo: Sequence[Acquisition], place: Place, store: Store) -> dict[str, tuple[Job, list[Acquisition]]]:
     """A job for each view, by the view's hash, with all that is wanted of it; those of one scene state together."""
-    wanted: dict[str, list[Acquisition]] = {}
+    requested: dict[str, list[Acquisition]] = {}
     for item in by_state(todo):
-        wanted.setdefault(item.request.key, []).append(item)
+        requested.setdefault(item.request.key, []).append(item)
     jobs = {}
-    for key, items in wanted.items():
+    for key, items in requested.items():
         request = items[0].request
         measurings = tuple(Measuring(item.seed, item.trials, item.task(store).path.name) for item in items)
         state = state_key(request.state)
@@ -115,7 +115,7 @@ def hand_out(
             sent = has.get(address) == job.state
             workers.start(address, job, None if sent else pickle.dumps(states[job.state]))
             has[address] = job.state
-        for address, job, made in workers.finished(SECONDS_TO_LOOK):
+        for address, job, made in workers.finished(POLL_SECONDS):
             if isinstance(made, WorkerGoneError):
                 has.pop(address, None)
                 if not handout.died(job):
@@ -123,7 +123,7 @@ def hand_out(
             elif isinstance(made, StoreError):
                 raise made
             elif isinstance(made, BaseException):
-                fail(job, said(made))
+                fail(job, error_line(made))
             elif made.lacks_state:
                 # Another run uses the same worker, and has sent it another state.
                 has.pop(address, None)

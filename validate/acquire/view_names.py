@@ -17,6 +17,6 @@ def view_name(request: ViewRequest) -> str:
     return f"the view of camera {camera.name} ({settings}, focus {camera.focus_distance_m:.3g} m)"
 
 
-def view_names(wanted: Iterable[Acquisition]) -> dict[str, str]:
+def view_names(requested: Iterable[Acquisition]) -> dict[str, str]:
     """The names of views by their hashes."""
-    return {item.request.key: view_name(item.request) for item in wanted}
+    return {item.request.key: view_name(item.request) for item in requested}

@@ -19,10 +19,10 @@ __all__ = ["acquire_banks", "calibrate", "enough"]
 
 def acquire_banks(banks: Sequence[ViewBank], source: ViewSource) -> tuple[Acquired, list[ViewBank]]:
     """All renders of the banks; and the banks without views that failed, which are named."""
-    wanted = [item for bank in banks for item in bank.wanted]
+    requested = [item for bank in banks for item in bank.requested]
     messages = source.messages
-    acquired = source.acquire(wanted)
-    messages.failed(acquired.failed, view_names(wanted))
+    acquired = source.acquire(requested)
+    messages.failed(acquired.failed, view_names(requested))
     whole = [bank.without(acquired.failed) for bank in banks]
     for bank, kept in zip(banks, whole, strict=True):
         if lost := len(bank.views) - len(kept.views):

@@ -115,7 +115,7 @@ class ViewBank:
         return tuple(view.camera for view in self.views)
 
     @property
-    def wanted(self) -> list[Acquisition]:
+    def requested(self) -> list[Acquisition]:
         """All renders."""
         return [item for view in self.views for item in view.renders]
 

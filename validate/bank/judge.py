@@ -43,7 +43,6 @@ __all__ = [
     "PHYSICAL_WHOLE",
     "SCALED",
     "appearance_of",
-    "asked_pairs",
     "calibrated",
     "check_models",
     "data_of",
@@ -53,6 +52,7 @@ __all__ = [
     "limits_of",
     "noise_models",
     "predictions",
+    "requested_pairs",
     "scales_of",
     "scene_contenders",
     "verdict_of",
@@ -206,7 +206,7 @@ def check_models(scene: Scene, command: str, used: Collection[str]) -> None:
         raise SceneError([f"{scene.path}: noise.models = {json_text(models)}; {allowed}"])
 
 
-def asked_pairs(contenders: Sequence[Contender]) -> list[tuple[str, str]]:
+def requested_pairs(contenders: Sequence[Contender]) -> list[tuple[str, str]]:
     """Pairs of contender and metric: everything under the fitted limits, what R decides under the others too."""
     pairs = [(CALIBRATED_LIMITS, metric) for metric in METRICS]
     for contender in contenders:
@@ -254,7 +254,7 @@ def verdict_of(
     names = [camera.name for camera in bank.cameras]
     configurations = draw_configurations(names, cameras, count, rng)
     needs: dict[str, tuple[str, ...]] = {contender.name: () for contender in contenders}
-    for name, metric in asked_pairs(contenders):
+    for name, metric in requested_pairs(contenders):
         needs[name] += (metric,)
     predicted = predictions(bank, contenders, configurations, appearance_of(bank.scene, acquired), needs)
     measured = measure_all(data, configurations.tolist(), filtered)

@@ -107,17 +107,17 @@ def measures(measured: Sequence[ConfigurationErrors]) -> list[Measure]:
     return found
 
 
-def leaderboard(verdict: CountVerdict, asked: Sequence[tuple[str, str]]) -> list[Row]:
-    """A row for each metric under a noise model (`asked` pairs of model and metric) and each measure.
+def leaderboard(verdict: CountVerdict, requested: Sequence[tuple[str, str]]) -> list[Row]:
+    """A row for each metric under a noise model (`requested` pairs of model and metric) and each measure.
 
     `equivalent_to` names the first pair that orders the configurations the same way; ranks count the two once.
     """
     rows: list[Row] = []
     chance = verdict.chance
     choices = {size: Choices.of(chance, size) for size in CHOICES}
-    visible = Ranked.of(verdict.terms(asked[0][0], "visible-share"), chance)
+    visible = Ranked.of(verdict.terms(requested[0][0], "visible-share"), chance)
     numbers, ranked, picked = {}, {}, {}
-    for model, metric in asked:
+    for model, metric in requested:
         better = METRICS[metric].higher_is_better
         values = verdict.terms(model, metric) * (1 if better else -1)
         values = np.where(np.isnan(values), -np.inf, values)  # where a number is not defined, it is the worst
@@ -132,7 +132,7 @@ def leaderboard(verdict: CountVerdict, asked: Sequence[tuple[str, str]]) -> list
         measured = Ranked.of(measure.values, chance)
         judged_by = {pair: found.against(measured, sign) for pair, found in ranked.items()}
         with_visible = visible.against(measured, sign)
-        own = [pair for pair in asked if first[pair] == pair]
+        own = [pair for pair in requested if first[pair] == pair]
         ranks = dict(zip(own, ranks_of([judged_by[pair] for pair in own]), strict=True))
         costs = Regrets.of_values(measure.halves, choices) if measure.halves else None
         for pair, judged in judged_by.items():
@@ -155,7 +155,7 @@ def leaderboard(verdict: CountVerdict, asked: Sequence[tuple[str, str]]) -> list
                 **with_interval("partial_given_visible", partial(judged, of_visible[pair], with_visible)),
             }
             for baseline in BASELINES:
-                other = judged_by.get((model, baseline)) or judged_by[asked[0][0], baseline]
+                other = judged_by.get((model, baseline)) or judged_by[requested[0][0], baseline]
                 row |= with_interval(f"minus_{baseline.replace('-', '_')}", judged.minus(other))
             row |= _choosing(picked[pair], costs, chance)
             rows.append(row | {"top_tenth_hits": top_hits(number, sign * measure.number, TOP_SHARE)})

@@ -177,9 +177,9 @@ def _predict(task: PredictionTask, jobs: Sequence[tuple[int, ...]]) -> list[dict
 def _predicted(task: PredictionTask, name: str, evaluation: Evaluation) -> Predicted:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # a rival that is not defined for a configuration says so with its number
-        asked = [METRICS[metric] for metric in dict.fromkeys((*ALWAYS, *task.needs[name]))]
-        terms = {m.name: np.asarray(m.terms(evaluation), dtype=float) for m in asked if m.terms is not None}
-        scores = {m.name: float(m.score(evaluation)) for m in asked if m.terms is None}
+        metrics = [METRICS[metric] for metric in dict.fromkeys((*ALWAYS, *task.needs[name]))]
+        terms = {m.name: np.asarray(m.terms(evaluation), dtype=float) for m in metrics if m.terms is not None}
+        scores = {m.name: float(m.score(evaluation)) for m in metrics if m.terms is None}
     return Predicted(
         scores,
         terms,

@@ -31,12 +31,12 @@ from validate.bank.filtered import filter_all
 from validate.bank.judge import (
     BASES,
     FREE_MODELS,
-    asked_pairs,
     check_models,
     data_of,
     detection_model_of,
     judged,
     noise_models,
+    requested_pairs,
     scene_contenders,
     verdict_of,
     visibilities,
@@ -93,12 +93,12 @@ def execute(options: Bank) -> int:
             return _judge_all(banks, frozen, design, configurations, out, source)
         banks = _rendered(banks, frozen)
         counts = [
-            f"{bank.scene.path.stem}, {bank.role}: {len(bank.views)} views in {len(bank.wanted)} renders"
+            f"{bank.scene.path.stem}, {bank.role}: {len(bank.views)} views in {len(bank.requested)} renders"
             for bank in banks
         ]
         counts.append(f"{configurations} configurations of each of {', '.join(map(str, COUNTS))} cameras")
-        wanted = [item for bank in banks for item in bank.wanted]
-        announce(counts, wanted, source, out)
+        requested = [item for bank in banks for item in bank.requested]
+        announce(counts, requested, source, out)
         return EXIT_DONE
 
 
@@ -138,7 +138,7 @@ def _check_cameras(scene: Scene) -> None:
 
 
 def _judge_all(
-    wanted: list[ViewBank],
+    requested: list[ViewBank],
     frozen: FrozenCalibration | None,
     design: BankDesign,
     configurations: int,
@@ -149,11 +149,11 @@ def _judge_all(
     begin = time.perf_counter()
     messages = source.messages
     messages.start(out, "bank", store=source.address)
-    acquired, banks = acquire_banks(_rendered(wanted, frozen), source)
+    acquired, banks = acquire_banks(_rendered(requested, frozen), source)
     after_views = time.perf_counter()
-    renders, views = (sum(counts) for counts in zip(*((len(b.wanted), len(b.views)) for b in banks), strict=True))
+    renders, views = (sum(counts) for counts in zip(*((len(b.requested), len(b.views)) for b in banks), strict=True))
     if frozen is not None:
-        banks = [*wanted[:FITTED_ON], *banks]
+        banks = [*requested[:FITTED_ON], *banks]
     training, held_out, others = banks[0], banks[FITTED_ON], banks[FITTED_ON + 1 :]
     tables: dict[str, list[Row]] = {}
     predicted_with: dict[str, object] = {}
@@ -221,7 +221,7 @@ def judge(
     for count in counts:
         tell(f"{bank.scene.path.stem}: judging {configurations} configurations of {count} cameras")
         verdict = verdict_of(bank, data, acquired, contenders, count, configurations, seed, filtered=count == HEADLINE)
-        rows["leaderboard"] += leaderboard(verdict, asked_pairs(contenders))
+        rows["leaderboard"] += leaderboard(verdict, requested_pairs(contenders))
         rows["ceiling"] += oracle_rows(bank, data, verdict)
         rows["blunders"].append(blunder_row(verdict))
         filtered = None

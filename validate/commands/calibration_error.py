@@ -54,8 +54,8 @@ def execute(options: CalibrationError) -> int:
         messages.start(out, "calibration-error", store=rendering.store)
         for line in without_effect(loaded):
             messages.warn(line)
-        wanted = training_views(loaded, design, source.renderer), held_out_views(loaded, design, source.renderer)
-        acquired, (training, bank) = acquire_banks(wanted, source)
+        requested = training_views(loaded, design, source.renderer), held_out_views(loaded, design, source.renderer)
+        acquired, (training, bank) = acquire_banks(requested, source)
         if enough(training, bank, CAMERAS, messages):
             _rank(training, bank, acquired, design, options.configurations, out, messages.console)
         return end_run(f"results in {out}", acquired, messages)
@@ -63,8 +63,8 @@ def execute(options: CalibrationError) -> int:
 
 def without_effect(scene: Scene) -> list[str]:
     """A line if a scene sets what this command has no use for: it judges the calibrated model within its own limits."""
-    told = scene.resolved()
-    noise, metric = told["noise"], told["metric"]
+    document = scene.resolved()
+    noise, metric = document["noise"], document["metric"]
     keys = [f"noise.models = {json_text(noise['models'])}"] if set(noise["models"]) != set(USUAL_MODELS) else []
     keys += [f"noise.switched_off = {json_text(noise['switched_off'])}"] if noise["switched_off"] else []
     keys += [f"noise.px2_per_m2 = {noise['px2_per_m2']:g}"] if noise["px2_per_m2"] != 1 else []

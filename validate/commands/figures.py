@@ -62,7 +62,7 @@ def _static(number: int, out: Path, table: str | None, source: ViewSource, dry_r
     plans = planned([(sweep, scenes.load(sweep.scene_path))], source, forecast=dry_run)
     wanted = requested_views(plans)
     if dry_run:
-        _announce(number, wanted, source.store)
+        _announce(number, requested, source.store)
         return []
     [result] = assessed(plans, _acquired(number, wanted, source))
     return _write(number, out, table, lambda: static_figure(number, result), static_rows(number, result))
@@ -83,18 +83,18 @@ def _walk(number: int, out: Path, table: str | None, source: ViewSource, dry_run
     runs = steered_runs(file, stage, {})
     training = training_views(file, stage, source.renderer)
     design = design_of(file, stage, runs, source.renderer)
-    wanted = [item for place in training for item in place.wanted] + design.wanted
+    requested = [item for place in training for item in place.requested] + design.requested
     if dry_run:
-        _announce(number, wanted, source.store)
+        _announce(number, requested, source.store)
         return []
-    acquired = _acquired(number, wanted, source)
+    acquired = _acquired(number, requested, source)
     levels = training_levels(stage, training, acquired)
     result = result_of(assess_held(design, acquired, calibrate_hallway(training, acquired), levels), BOTH)
     return _write(number, out, table, lambda: walk_figure(result), walk_rows(result))
 
 
-def _announce(number: int, wanted: Sequence[Acquisition], store: Store) -> None:
-    unique = list(dict.fromkeys(wanted))
+def _announce(number: int, requested: Sequence[Acquisition], store: Store) -> None:
+    unique = list(dict.fromkeys(requested))
     missing = [item for item in unique if not store.has(item.task(store).path)]
     print(
         f"Figure {number}: {len(unique)} views, {len(missing)} to render or measure, "
@@ -102,10 +102,10 @@ def _announce(number: int, wanted: Sequence[Acquisition], store: Store) -> None:
     )
 
 
-def _acquired(number: int, wanted: Sequence[Acquisition], source: ViewSource) -> Acquired:
-    acquired = source.acquire(wanted)
+def _acquired(number: int, requested: Sequence[Acquisition], source: ViewSource) -> Acquired:
+    acquired = source.acquire(requested)
     if acquired.failed:
-        names = view_names(wanted)
+        names = view_names(requested)
         causes = "; ".join(f"{names[key]}: {cause}" for key, cause in acquired.failed.items())
         raise StoreError(f"Figure {number} lacks {len(acquired.failed)} views ({causes})")
     return acquired

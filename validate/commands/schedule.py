@@ -45,7 +45,7 @@ from validate.sweeps.correlation import correlation_rows
 from validate.sweeps.rows import detection_rows, timing_rows, view_rows, write_csv
 from validate.tracked_walk.files import write_real_walk
 from validate.tracked_walk.frames import real_walk_of, track_real_walk
-from validate.tracked_walk.requested_views import Wanted
+from validate.tracked_walk.requested_views import RequestedViews
 
 __all__ = ["execute"]
 
@@ -68,7 +68,7 @@ def execute(options: Schedule) -> int:
         source = open_source(shared.store, shared.variant, messages, shared.scale)
         messages.note("steering the cameras")
         runs = steered_runs(file, stage, own)
-        wanted = Wanted(
+        requested = RequestedViews(
             training_views(file, stage, source.renderer),
             design_of(file, stage, runs, source.renderer),
             real_walk_of(file, stage, own, source.renderer) if options.real_walk else None,
@@ -81,16 +81,16 @@ def execute(options: Schedule) -> int:
             of_run = {"schedule": options.schedule, "scene": options.scene, "store": shared.store}
             of_run |= {"overrides": overrides, "strategy": options.strategy, "variant": shared.variant}
             of_run |= {"allow_outside": shared.allow_outside, "report": options.report}
-            return _judge(wanted, folder, source, of_run)
-        counts = [f"{file.name}: {len(runs)} runs of {len(wanted.design.scenes)} steps"]
-        if wanted.real is not None:
-            counts.append(f"the real walk: {len(wanted.real.scenes)} frames")
-        announce(counts, wanted.views, source, folder)
+            return _judge(requested, folder, source, of_run)
+        counts = [f"{file.name}: {len(runs)} runs of {len(requested.design.scenes)} steps"]
+        if requested.real is not None:
+            counts.append(f"the real walk: {len(requested.real.scenes)} frames")
+        announce(counts, requested.views, source, folder)
         return EXIT_DONE
 
 
 def _judge(
-    wanted: Wanted,
+    requested: RequestedViews,
     folder: Path,
     source: ViewSource,
     options: Mapping[str, object],
@@ -98,10 +98,10 @@ def _judge(
     """Get the views, predict and measure, and leave tables, figures, report and film; the exit code."""
     begin = time.perf_counter()
     store, messages = source.store, source.messages
-    acquired = source.acquire(wanted.views)
-    names = view_names(wanted.views)
+    acquired = source.acquire(requested.views)
+    names = view_names(requested.views)
     messages.failed(acquired.failed, names)
-    whole = wanted.without(acquired.failed, messages)
+    whole = requested.without(acquired.failed, messages)
     after_views = time.perf_counter()
     tables: dict[str, list[Row]] = {}
     predicted_with: dict[str, object] = {}
@@ -111,24 +111,26 @@ def _judge(
         contenders = scene_contenders(whole.design.stage.scene, calibration)
         predicted_with = {**judged([each for each in contenders if each.name in MODELS])}
         write_text(folder / "calibrated.toml", calibration.to_toml())
-        tables, both = _leave_tables(whole, acquired, calibration, folder)
-        linked_views(folder, [i.request.key for i in wanted.views if i.request.key not in acquired.failed], store)
+        tables, both = _write_tables(whole, acquired, calibration, folder)
+        linked_views(folder, [i.request.key for i in requested.views if i.request.key not in acquired.failed], store)
         after_tables = time.perf_counter()
         if options["report"]:
             made = of_schedule(both, acquired.measured, source.renderer)
-            source.with_whole_views(lambda: write_schedule_report(folder, made, store), wanted.views)
+            source.with_whole_views(lambda: write_schedule_report(folder, made, store), requested.views)
         reported = time.perf_counter() - after_tables
         if whole.real is not None:
             tracked = track_real_walk(whole.real, acquired, calibration)
-            said = whole.design.schedule.spec
-            told = said.process.acceleration_density_m2_s3
-            source.with_whole_views(lambda: write_real_walk(folder, tracked, store, said.seed, told), wanted.views)
+            schedule_spec = whole.design.schedule.spec
+            assumed_density = schedule_spec.process.acceleration_density_m2_s3
+            source.with_whole_views(
+                lambda: write_real_walk(folder, tracked, store, schedule_spec.seed, assumed_density), requested.views
+            )
         _show(tables, messages.console)
     seconds = {"views": after_views - begin, "report": reported, "total": time.perf_counter() - begin}
-    _write_run(folder, options, wanted.design, source.renderer, acquired, sorted(tables), seconds, predicted_with)
-    warn_of_quality(wanted.views, acquired, messages, names)
+    _write_run(folder, options, requested.design, source.renderer, acquired, sorted(tables), seconds, predicted_with)
+    warn_of_quality(requested.views, acquired, messages, names)
     return end_run(
-        f"{len({item.request.key for item in wanted.views})} views ({acquired.rendered} rendered, "
+        f"{len({item.request.key for item in requested.views})} views ({acquired.rendered} rendered, "
         f"{len(acquired.measured_items)} measured now) in {clock(seconds['total'])}, "
         f"{clock(seconds['total'] - seconds['views'])} after the views; results in {folder}",
         acquired,
@@ -136,8 +138,8 @@ def _judge(
     )
 
 
-def _leave_tables(
-    whole: Wanted, acquired: Acquired, calibration: Calibration, folder: Path
+def _write_tables(
+    whole: RequestedViews, acquired: Acquired, calibration: Calibration, folder: Path
 ) -> tuple[dict[str, list[Row]], ScheduleResult]:
     """Tables and figure of the held steps; the tables, and the result of both avatars."""
     design = whole.design

@@ -181,26 +181,26 @@ def remove(paths: Iterable[Path], now_s: Callable[[], float] = time.time) -> tup
     return count, size
 
 
-def seconds_of(said: str, option: str) -> float:
+def seconds_of(text: str, option: str) -> float:
     """s of a time such as "30d" or "12h".
 
     Raises:
         RangeError: it is not one.
     """
-    return _number_with_unit(said, SECONDS, option)
+    return _number_with_unit(text, SECONDS, option)
 
 
-def bytes_of(said: str, option: str) -> float:
+def bytes_of(text: str, option: str) -> float:
     """Bytes of a size such as "20GB".
 
     Raises:
         RangeError: it is not one.
     """
-    return _number_with_unit(said, BYTES, option)
+    return _number_with_unit(text, BYTES, option)
 
 
-def _number_with_unit(said: str, units: dict[str, float] | dict[str, int], option: str) -> float:
-    found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([A-Za-z]+)", said.strip())
+def _number_with_unit(text: str, units: dict[str, float] | dict[str, int], option: str) -> float:
+    found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([A-Za-z]+)", text.strip())
     if found is None or found[2] not in units:
-        raise RangeError(f"{option} {said!r}; allowed: a number and one of {', '.join(units)}")
+        raise RangeError(f"{option} {text!r}; allowed: a number and one of {', '.join(units)}")
     return float(found[1]) * units[found[2]]

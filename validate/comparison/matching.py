@@ -131,11 +131,11 @@ def matched_rows(
         for number, (label, row) in enumerate(zip(tables, rows, strict=True)):
             assert row is not None
             own = _numbers(row, quantity)
-            line |= _said(label, own, bool(quantity.low))
+            line |= _columns_of(label, own, bool(quantity.low))
             if number:
                 against = separate(base, own, quantity.as_ratio)
                 name = f"{label}_{'ratio' if quantity.as_ratio else 'difference'}"
-                line |= _said(name, against, bool(quantity.low))
+                line |= _columns_of(name, against, bool(quantity.low))
                 if quantity.low:
                     none = 1.0 if quantity.as_ratio else 0.0
                     line[f"{label}_apart"] = "yes" if against[1] > none or against[2] < none else ""
@@ -187,6 +187,6 @@ def _number(text: str) -> float:
         return math.nan
 
 
-def _said(name: str, values: tuple[float, float, float], with_interval: bool) -> dict[str, object]:
+def _columns_of(name: str, values: tuple[float, float, float], with_interval: bool) -> dict[str, object]:
     limits = {f"{name}_ci_low": values[1], f"{name}_ci_high": values[2]} if with_interval else {}
     return {name: values[0], **limits}

@@ -95,10 +95,10 @@ def _measured(group: Group, series: Series, number: int, name: str, names: Seque
     mean = pooled(ratios)
     if math.isnan(mean[0]):
         return Finding(about, "open", f"No step has a measured {series.pair.words} of both {name} and {names[0]}.")
-    said = f"Measured {series.pair.words} of {name} is {value_text(mean)} times that of {names[0]}"
+    sentence = f"Measured {series.pair.words} of {name} is {value_text(mean)} times that of {names[0]}"
     known = int(np.isfinite(ratios[:, 0]).sum())
     if math.isnan(mean[1]):
-        words = f"{said} in the mean of {_steps(known)}, without an interval: whether they differ cannot be said."
+        words = f"{sentence} in the mean of {_steps(known)}, without an interval: whether they differ cannot be said."
         return Finding(about, "open", words)
     above, below = int((ratios[:, 1] > 1).sum()), int((ratios[:, 2] < 1).sum())
     sides = f" ({above} above, {below} below)" if above and below else ""
@@ -113,7 +113,7 @@ def _measured(group: Group, series: Series, number: int, name: str, names: Seque
         )
         words = f"{start}{value_text(mean)} times as large; {count}.{rms_words}"
         return Finding(about, "partly" if above + below else "no", words)
-    return Finding(about, "yes", f"{said} in the mean of the steps; {count}.{rms_words}")
+    return Finding(about, "yes", f"{sentence} in the mean of the steps; {count}.{rms_words}")
 
 
 def _steps(count: int) -> str:
@@ -151,9 +151,9 @@ def moved_finding(about: str, predicted: Floats, measured: Floats) -> Finding:
         return Finding(about, "open", "No step has both ratios.")
     p, m = predicted[known], measured[known]
     foreseen, mean = float(np.exp(np.log(p).mean())), pooled(m)
-    said = f"predicted ×{foreseen:.3g}, measured ×{value_text(mean)}"
+    sentence = f"predicted ×{foreseen:.3g}, measured ×{value_text(mean)}"
     if math.isnan(mean[1]):
-        return Finding(about, "open", f"{_capital(said)}, without an interval: whether they agree cannot be said.")
+        return Finding(about, "open", f"{_capital(sentence)}, without an interval: whether they agree cannot be said.")
     inside = int(((m[:, 1] <= p) & (p <= m[:, 2])).sum())
     apart = (m[:, 1] > 1) | (m[:, 2] < 1)
     right = int((apart & (np.abs(np.log(p)) >= UNMOVED) & (np.sign(np.log(p)) == np.sign(np.log(m[:, 0])))).sum())
@@ -166,19 +166,19 @@ def moved_finding(about: str, predicted: Floats, measured: Floats) -> Finding:
     unmoved, measured_moved = bool((np.abs(np.log(p)) < UNMOVED).all()), not mean[1] <= 1 <= mean[2]
     agrees = mean[1] <= foreseen <= mean[2]
     if measured_moved and unmoved:
-        state, words = "no", f"The prediction does not see the change: {said}."
+        state, words = "no", f"The prediction does not see the change: {sentence}."
     elif measured_moved and agrees:
-        state, words = "yes", f"The prediction moved as the measurement did: {said}."
+        state, words = "yes", f"The prediction moved as the measurement did: {sentence}."
     elif measured_moved and (foreseen > 1) == (mean[0] > 1):
         how = "too little" if abs(math.log(foreseen)) < abs(math.log(mean[0])) else "too much"
-        state, words = "partly", f"The prediction moved the right way, and {how}: {said}."
+        state, words = "partly", f"The prediction moved the right way, and {how}: {sentence}."
     elif measured_moved:
-        state, words = "no", f"The prediction moved the other way: {said}."
+        state, words = "no", f"The prediction moved the other way: {sentence}."
     elif agrees:
         state = "open"
-        words = f"In the mean, no change was measured beyond its interval, and the prediction agrees: {said}."
+        words = f"In the mean, no change was measured beyond its interval, and the prediction agrees: {sentence}."
     else:
-        state, words = "no", f"A change was predicted that was not measured: {said}."
+        state, words = "no", f"A change was predicted that was not measured: {sentence}."
     return Finding(about, state, words + details)
 
 
@@ -256,8 +256,8 @@ def _ranked(
 
     first, other = (limits(side.label) for side in pair)
     difference = limits(f"{pair[1].label}_difference")
-    said = f"ρ is {_signed(other)} for {names[1]} and {_signed(first)} for {names[0]}"
-    said += f", a difference of {_signed(difference)}"
+    sentence = f"ρ is {_signed(other)} for {names[1]} and {_signed(first)} for {names[0]}"
+    sentence += f", a difference of {_signed(difference)}"
     losses = ""
     if regret is not None:
         lost = [float(str(regret.get(side.label, math.nan))) for side in reversed(pair)]
@@ -268,12 +268,12 @@ def _ranked(
         return Finding(about, "open", f"ρ of {names[1]} or of {names[0]} is undefined.{losses}")
     if math.isnan(difference[1]):
         return Finding(
-            about, "open", f"{_capital(said)} without an interval: which ranks better cannot be said.{losses}"
+            about, "open", f"{_capital(sentence)} without an interval: which ranks better cannot be said.{losses}"
         )
     if difference[1] <= 0 <= difference[2]:
-        return Finding(about, "no", f"They cannot be told apart: {said}.{losses}")
+        return Finding(about, "no", f"They cannot be told apart: {sentence}.{losses}")
     better, worse = (names[1], names[0]) if difference[0] > 0 else (names[0], names[1])
-    return Finding(about, "yes", f"The prediction of {better} ranks better than that of {worse}: {said}.{losses}")
+    return Finding(about, "yes", f"The prediction of {better} ranks better than that of {worse}: {sentence}.{losses}")
 
 
 def _signed(values: tuple[float, float, float]) -> str:

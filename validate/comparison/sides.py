@@ -59,29 +59,29 @@ class Side:
 
     def settings(self) -> dict[str, str] | None:
         """What the run's `run.json` says, by dotted key; None without one."""
-        said = read_run(self.folder)
-        if said is None:
+        run = read_run(self.folder)
+        if run is None:
             return None
-        return _flat({key: value for key, value in said.items() if key not in NOT_SETTINGS})
+        return _flat({key: value for key, value in run.items() if key not in NOT_SETTINGS})
 
 
-def sides_of(said: Sequence[str]) -> list[Side]:
+def sides_of(arguments: Sequence[str]) -> list[Side]:
     """The sides that the command line names, such as "results/a" or "results/a@noise_model=physical".
 
     Raises:
         StoreError: fewer than two, one twice, a folder that is none, a selection that is not COLUMN=VALUE, or one of a
             column or value that no table of the run has.
     """
-    if len(said) < 2:
-        raise StoreError(f"{len(said)} given to compare; allowed: two folders of results or more")
-    parsed = [_parsed(each) for each in said]
+    if len(arguments) < 2:
+        raise StoreError(f"{len(arguments)} given to compare; allowed: two folders of results or more")
+    parsed = [_parsed(each) for each in arguments]
     if len({(folder.resolve(), tuple(sorted(chosen.items()))) for folder, chosen in parsed}) < len(parsed):
-        raise StoreError(f"{', '.join(said)}: one is given twice; allowed: each once")
+        raise StoreError(f"{', '.join(arguments)}: one is given twice; allowed: each once")
     return [Side(label, *each) for label, each in zip(_labels(parsed), parsed, strict=True)]
 
 
-def _parsed(said: str) -> tuple[Path, dict[str, str]]:
-    folder, at, selection = (said, "", "") if Path(said).is_dir() else said.partition("@")
+def _parsed(argument: str) -> tuple[Path, dict[str, str]]:
+    folder, at, selection = (argument, "", "") if Path(argument).is_dir() else argument.partition("@")
     if not Path(folder).is_dir():
         raise StoreError(f"{folder} is no folder; allowed is one that a run left, such as results/zoom")
     if not list(Path(folder).glob("*.csv")):
@@ -90,15 +90,15 @@ def _parsed(said: str) -> tuple[Path, dict[str, str]]:
     for part in selection.split(",") if at else ():
         column, equals, value = part.partition("=")
         if not (column and equals and value):
-            raise StoreError(f"{said}: {part!r}; allowed after @: COLUMN=VALUE, such as noise_model=physical")
+            raise StoreError(f"{argument}: {part!r}; allowed after @: COLUMN=VALUE, such as noise_model=physical")
         known = sorted({name for path in Path(folder).glob("*.csv") for name in read_head(path)})
         if column not in known:
             hint, _ = nearest(column, known)
-            raise StoreError(f"{said}: no table has a column {column!r}{hint}; allowed: {', '.join(known)}")
+            raise StoreError(f"{argument}: no table has a column {column!r}{hint}; allowed: {', '.join(known)}")
         values = sorted({row for path in Path(folder).glob("*.csv") for row in _values(path, column)})
         if value not in values:
             hint, _ = nearest(value, values)
-            raise StoreError(f"{said}: no table has {column} = {value}{hint}; allowed: {', '.join(values)}")
+            raise StoreError(f"{argument}: no table has {column} = {value}{hint}; allowed: {', '.join(values)}")
         chosen[column] = value
     return Path(folder), chosen
 

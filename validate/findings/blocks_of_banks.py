@@ -48,9 +48,9 @@ def _beside_the_count(row: CsvRow | None) -> str:
     return rho if rho == NOTHING else f"{rho} ({number(row, 'minus_visibility_count')})"
 
 
-def _of_four(place: Place, **wanted: str) -> list[CsvRow]:
+def _of_four(place: Place, **values: str) -> list[CsvRow]:
     """The leaderboard of four cameras."""
-    return all_of(place.rows("leaderboard"), cameras=HEADLINE, **wanted)
+    return all_of(place.rows("leaderboard"), cameras=HEADLINE, **values)
 
 
 def _models(places: Sequence[Place]) -> list[str]:

@@ -22,13 +22,13 @@ TICKS = (0.0, 0.25, 0.5, 0.75, 1.0)
 
 def detection_curves(places: Sequence[Place]) -> list[Curve]:
     """A panel for each place: the bins of predicted probability in which there are markers."""
-    look = next(contender for contender in CONTENDERS if contender.name == NAME)
+    shown = next(contender for contender in CONTENDERS if contender.name == NAME)
     found = []
     for place in places:
         rows = [row for row in place.rows("reliability") if row.get("predicted") and row.get("found")]
         columns = [tuple(value_of(row, "predicted") for row in rows)]
         columns += [tuple(share_found(row)[end] for row in rows) for end in range(3)]
-        found.append(Curve(place.title, NAME, look.colour, look.sign, look.filled, *columns))
+        found.append(Curve(place.title, NAME, shown.colour, shown.sign, shown.filled, *columns))
     return [curve for curve in found if curve.x]
 
 

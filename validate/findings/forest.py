@@ -87,10 +87,10 @@ class Axis:
     line: float | None = None
 
 
-def mark_of(row: CsvRow | None, column: str, look: Contender, factor: float = 1.0) -> Mark | None:
+def mark_of(row: CsvRow | None, column: str, contender: Contender, factor: float = 1.0) -> Mark | None:
     """A row's number in a column, times a factor, with its interval; None if it has none."""
     value, low, high = (factor * number for number in bounds(row, column))
-    return None if math.isnan(value) else Mark(value, low, high, look.colour, look.sign, look.filled)
+    return None if math.isnan(value) else Mark(value, low, high, contender.colour, contender.sign, contender.filled)
 
 
 @contextmanager

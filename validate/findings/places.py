@@ -65,18 +65,18 @@ class Place:
     ) -> CsvRow | None:
         """The leaderboard's row of a metric under a noise model (default: the PSS that goes with the measure)."""
         name = metric or _OF_MEASURE.get(measure, "pss-single-frame")
-        wanted = {"cameras": cameras, "measure": measure, "metric": name, "noise_model": model}
-        return first_of(self.rows("leaderboard"), **wanted)
+        values = {"cameras": cameras, "measure": measure, "metric": name, "noise_model": model}
+        return first_of(self.rows("leaderboard"), **values)
 
     def less(self, model: str, base: str, measure: str = SINGLE_FRAME) -> CsvRow | None:
         """The row of the paired difference of ρ of the PSS that goes with the measure, by `model` less by `base`."""
-        wanted = {"cameras": HEADLINE, "measure": measure, "metric": _OF_MEASURE[measure]}
-        return first_of(self.rows("differences"), **wanted, noise_model=model, baseline=base)
+        values = {"cameras": HEADLINE, "measure": measure, "metric": _OF_MEASURE[measure]}
+        return first_of(self.rows("differences"), **values, noise_model=model, baseline=base)
 
     def sized(self, model: str, level: str = "single frame") -> CsvRow | None:
         """The row of the table of consistency."""
-        wanted = {} if level == "pixel" else {"cameras": HEADLINE}
-        return first_of(self.rows("consistency"), level=level, noise_model=model, **wanted)
+        values = {} if level == "pixel" else {"cameras": HEADLINE}
+        return first_of(self.rows("consistency"), level=level, noise_model=model, **values)
 
     @property
     def views(self) -> str:

@@ -97,12 +97,12 @@ def scene_figure(
             "meta": {"layer": "markers", "pick": True},
         },
     ]
-    for group, look in groups.items():
+    for group, style in groups.items():
         traces += [
-            _lines(f"edges|{group}", look.colour, 1.5)
+            _lines(f"edges|{group}", style.colour, 1.5)
             | {"name": "fields of view", "showlegend": False, "meta": {"layer": "frusta"}},
-            _mesh(f"planes|{group}", look.colour, 0.07) | {"lighting": flat, "meta": {"layer": "planes"}},
-            _icons(f"cameras|{group}", look),
+            _mesh(f"planes|{group}", style.colour, 0.07) | {"lighting": flat, "meta": {"layer": "planes"}},
+            _icons(f"cameras|{group}", style),
             {
                 "type": "cone",
                 **{axis: ref(f"cameras|{group}_{axis}") for axis in "xyz"},
@@ -112,7 +112,7 @@ def scene_figure(
                 "sizeref": 0.16,
                 "showscale": False,
                 "hoverinfo": "skip",
-                "colorscale": [[0, look.colour], [1, look.colour]],
+                "colorscale": [[0, style.colour], [1, style.colour]],
                 "meta": {"layer": "frusta"},
             },
         ]
@@ -223,14 +223,14 @@ def _body(name: str, colour: str) -> list[dict[str, Any]]:
     ]
 
 
-def _icons(name: str, look: Group) -> dict[str, Any]:
+def _icons(name: str, style: Group) -> dict[str, Any]:
     return {
         "type": "scatter3d",
         "mode": "markers",
         **{axis: ref(f"{name}_{axis}") for axis in "xyz"},
-        "customdata": ref(f"{name}_said"),
+        "customdata": ref(f"{name}_text"),
         "hovertemplate": "%{customdata}<extra></extra>",
-        "marker": {"size": 5, "color": look.colour, "symbol": look.symbol},
-        "name": look.words,
+        "marker": {"size": 5, "color": style.colour, "symbol": style.symbol},
+        "name": style.words,
         "meta": {"layer": "cameras"},
     }

@@ -103,7 +103,7 @@ def _minus(text: str) -> str:
     return text.replace("-", "−")
 
 
-def _said(label: str) -> str:
+def _quoted(label: str) -> str:
     """A step's label in a sentence."""
     parameter, _, value = label.partition("=")
     words = IN_SENTENCES.get(parameter, "{parameter} = {value}")
@@ -131,7 +131,7 @@ def verdicts(table: SweepTable) -> list[Verdict]:
                     _number(row.get("spearman_ci_low")),
                     _number(row.get("spearman_ci_high")),
                     *(c.without_best if c.best is None else table.values[c.best] for c in curves),
-                    *("no step" if c.best is None else _said(table.labels[c.best]) for c in curves),
+                    *("no step" if c.best is None else _quoted(table.labels[c.best]) for c in curves),
                     _number(row.get("regret")),
                     _number(row.get("oracle_regret")),
                 )
@@ -147,8 +147,8 @@ def in_words(table: SweepTable) -> str:
     measured = table.measured_pss(KINDS[0]).values
     if not measured.any():
         once = table.steps[table.models[0]]["detected"].any()
-        said = f"in {FEWEST_TRIALS} trials or more, as a measured σ takes, " if once else ""
-        return f"No point was triangulated {said}at any step: there is nothing to compare the prediction with."
+        condition = f"in {FEWEST_TRIALS} trials or more, as a measured σ takes, " if once else ""
+        return f"No point was triangulated {condition}at any step: there is nothing to compare the prediction with."
     if single.measured_optimum == FLAT:
         words = f"Measured single-frame PSS is {table.finding(KINDS[0])}: there is no order to predict. "
         words += f"Predicted (noise model {single.model}): {table.finding(KINDS[0], single.model)}."

@@ -61,7 +61,7 @@ def scene_columns(
         for kind in KINDS:
             for model in table.models:
                 covariance = step.covariance_m2[kind.name, model]
-                columns[f"root|{kind.name}|{model}"] = _roots_said(covariance)
+                columns[f"root|{kind.name}|{model}"] = _root_columns(covariance)
         filled.append(columns)
     return filled
 
@@ -70,13 +70,13 @@ class _Remembered:
     """The last state's columns: steps of one state follow each other, and a body takes a while to make coarse."""
 
     def __init__(self, bodies: Sequence[str], most_faces: int, plate_scale: float) -> None:
-        self._said = (bodies, most_faces, plate_scale)
+        self._shown = (bodies, most_faces, plate_scale)
         self._state: SceneState | None = None
         self._columns: Columns = {}
 
     def of(self, state: SceneState) -> Columns:
         if state is not self._state:
-            self._state, self._columns = state, _places(state, *self._said)
+            self._state, self._columns = state, _places(state, *self._shown)
         return self._columns
 
 
@@ -118,7 +118,7 @@ def _cameras(group: str, cameras: Sequence[Any], frusta: Sequence[Frustum]) -> C
     name = f"cameras|{group}"
     position = np.array([camera.position_m for camera in cameras]).reshape(-1, 3)
     columns: Columns = {f"{name}_{axis}": plain(position[:, n]) for n, axis in enumerate("xyz")}
-    columns[f"{name}_said"] = [
+    columns[f"{name}_text"] = [
         f"camera {c.name}: zoom {c.zoom:g}, focus {c.focus_distance_m:g} m, pan {c.pan_deg:.1f}°, tilt "
         f"{c.tilt_deg:.1f}°"
         for c in cameras
@@ -152,7 +152,7 @@ def _sights(table: SweepTable, step: Step) -> Columns:
     }
 
 
-def _roots_said(covariance_m2: Floats) -> list[list[float] | None]:
+def _root_columns(covariance_m2: Floats) -> list[list[float] | None]:
     """mm, of each point the lower Cholesky factor's xx, yx, yy, zx, zy, zz; None where there is no covariance."""
     known = np.isfinite(covariance_m2).all(axis=(1, 2))
     roots = np.full((len(covariance_m2), 6), np.nan)

@@ -99,7 +99,7 @@ def steps_of_plan(
     kept = [pair for pair in zip(plan.configurations, plan.views, strict=True) if pair[0].label in set(labels)]
     changing = _varied_names([configuration.cameras for configuration, _ in kept])
     steps = []
-    for (configuration, wanted), predicted in zip(kept, predictions, strict=True):
+    for (configuration, requested), predicted in zip(kept, predictions, strict=True):
         active = {camera.name for camera in configuration.cameras}
         points = configuration.scene.state.points_m
         steps.append(
@@ -113,7 +113,7 @@ def steps_of_plan(
                 covariances(predicted),
                 tuple(
                     sight_of(camera, points, item.request.key, measured[item])
-                    for camera, item in zip(configuration.cameras, wanted, strict=True)
+                    for camera, item in zip(configuration.cameras, requested, strict=True)
                 ),
             )
         )

@@ -15,14 +15,14 @@ __all__ = ["REPORT", "stored_measurements"]
 REPORT = "report.html"
 
 
-def stored_measurements(wanted: Iterable[Acquisition], store: Store) -> dict[Acquisition, ViewMeasurement]:
+def stored_measurements(requested: Iterable[Acquisition], store: Store) -> dict[Acquisition, ViewMeasurement]:
     """What the store has measured of views.
 
     Raises:
         StoreError: a view is not there, or not measured there.
     """
     measured: dict[Acquisition, ViewMeasurement] = {}
-    for item in dict.fromkeys(wanted):
+    for item in dict.fromkeys(requested):
         if certificate_of(store, item.request) is None:
             raise StoreError(f"{view_name(item.request)} is not in the store {store.folder}; run it again")
         task = item.task(store)

@@ -103,7 +103,7 @@ def _resampled(y: Floats, x: Floats, rng: np.random.Generator) -> Floats:
     products = (design[:, :, None] * design[:, None, :]).reshape(len(y), -1)
     normal = (counts @ products).reshape(-1, size, size)
     right = counts @ (design * (y - y.mean())[:, None])
-    told_apart = np.linalg.cond(normal) < LARGEST_CONDITION
+    distinct = np.linalg.cond(normal) < LARGEST_CONDITION
     found = np.full((RESAMPLES, size - 1), np.nan)
-    found[told_apart] = np.linalg.solve(normal[told_apart], right[told_apart, :, None])[:, 1:, 0] / 2
+    found[distinct] = np.linalg.solve(normal[distinct], right[distinct, :, None])[:, 1:, 0] / 2
     return found

@@ -127,8 +127,8 @@ class Setup:
     @property
     def camera(self) -> PTZCamera:
         """Focused so that the circle of confusion is as asked, turned so that the centre has its phase."""
-        wanted = WINDOW_MODULES * self.factors.module_px + 2 * self.factors.cc_px + WINDOW_PX
-        size = max(SMALLEST_WINDOW_PX, WINDOW_STEP_PX * math.ceil(wanted / WINDOW_STEP_PX))
+        needed_px = WINDOW_MODULES * self.factors.module_px + 2 * self.factors.cc_px + WINDOW_PX
+        size = max(SMALLEST_WINDOW_PX, WINDOW_STEP_PX * math.ceil(needed_px / WINDOW_STEP_PX))
         right, down = (math.degrees(math.atan2(part, FOCAL_PX)) for part in self.pose.phase_px)
         return _camera(size, -right, down, _focus_distance(self.factors.cc_px))
 
@@ -198,7 +198,7 @@ class Setup:
     def physical_px2(self) -> Floats:
         """px², (2, 2), the covariance that the `physical` noise model predicts for an average tag."""
         marker, white = self.marker, RING_W_PER_SR * PRINT.white_albedo / math.pi
-        look = Appearance(
+        appearance = Appearance(
             marker.module_m,
             white,
             white * PRINT.black_albedo / PRINT.white_albedo,
@@ -207,7 +207,7 @@ class Setup:
             ring_light=True,
         )
         model = noise_model("physical", sensor=self.sensor)
-        return model.covariance(self.camera, MARKER_M[None], np.array([marker.normal]), look)[0]
+        return model.covariance(self.camera, MARKER_M[None], np.array([marker.normal]), appearance)[0]
 
 
 @cache

@@ -180,9 +180,9 @@ def _make(
 
     workers = max(1, os.cpu_count() or 1)
     with WorkerQueue[tuple[Path, float], Arrays](workers, MOST_WAITING, done) as queue:
-        for key, wanted in by_view.items():
-            view = _view(plan.shots[wanted[0][1]], key, store, chosen)
-            for path, number in wanted:
+        for key, group in by_view.items():
+            view = _view(plan.shots[group[0][1]], key, store, chosen)
+            for path, number in group:
                 setup = plan.shots[number].setup
                 electrons = np.asarray(
                     expected_electrons(view["radiance"], setup.camera, setup.sensor), dtype=np.float32

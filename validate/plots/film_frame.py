@@ -110,10 +110,10 @@ def draw_frame(frame: FilmFrame, room: Room, strategy: str, walked_m: Mapping[st
     figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI, facecolor="white")
     canvas = FigureCanvasAgg(figure)
     baseline = 1 - 0.55 * HEADER_PX / height
-    said = {"va": "center", "fontsize": 15, "color": MEASURED}
-    figure.text(MARGIN_PX / width, baseline, f"strategy: {strategy}", weight="bold", **said)
+    style = {"va": "center", "fontsize": 15, "color": MEASURED}
+    figure.text(MARGIN_PX / width, baseline, f"strategy: {strategy}", weight="bold", **style)
     right = 1 - MARGIN_PX / width
-    figure.text(right, baseline, f"t = {frame.time_s:.2f} s    step {frame.step}", ha="right", **said)
+    figure.text(right, baseline, f"t = {frame.time_s:.2f} s    step {frame.step}", ha="right", **style)
     _draw_views(figure, frame, colours)
     left = width - MARGIN_PX - PLAN_PX[0]
     _draw_plan(_axes(figure, left, HEADER_PX, *PLAN_PX), frame, room, colours, walked_m or {})
@@ -163,11 +163,11 @@ def _draw_view(axes: Axes, frame: FilmFrame, index: int, size_px: tuple[int, int
     axes.set(xlim=extent[:2], ylim=extent[2:])
     for spine in axes.spines.values():
         spine.set(color=colours[name], lw=2)
-    said = {"transform": axes.transAxes, "fontsize": 11, "va": "bottom"}
+    style = {"transform": axes.transAxes, "fontsize": 11, "va": "bottom"}
     above = 1 + 5 / size_px[1]
-    axes.text(0, above, f"camera {_label(camera, index)} follows {name}", color=colours[name], weight="bold", **said)
+    axes.text(0, above, f"camera {_label(camera, index)} follows {name}", color=colours[name], weight="bold", **style)
     markers = f"{len(found)} marker{'' if len(found) == 1 else 's'}"
-    axes.text(1, above, f"zoom ×{camera.zoom:.1f}, {markers}", ha="right", color=MEASURED, **said)
+    axes.text(1, above, f"zoom ×{camera.zoom:.1f}, {markers}", ha="right", color=MEASURED, **style)
 
 
 def _displayed(image: NDArray[np.generic], size_px: tuple[int, int]) -> Pixels:
@@ -213,8 +213,8 @@ def _draw_plan(
         axes.plot(place[0], place[1], "x", color=MEASURED, ms=8, mew=1.8, zorder=6)
     for index, (camera, name) in enumerate(zip(frame.cameras, frame.assignments, strict=True)):
         box = {"boxstyle": "round,pad=0.3", "fc": colours[name], "ec": "white", "lw": 1}
-        said = {"color": "white", "weight": "bold", "fontsize": 10, "zorder": 7, "bbox": box}
-        axes.text(*camera.position_m[:2], _label(camera, index), ha="center", va="center", **said)
+        style = {"color": "white", "weight": "bold", "fontsize": 10, "zorder": 7, "bbox": box}
+        axes.text(*camera.position_m[:2], _label(camera, index), ha="center", va="center", **style)
 
 
 def _draw_avatar(axes: Axes, name: str, place_m: Floats, heading: float, colour: str) -> None:
@@ -229,8 +229,8 @@ def _draw_avatar(axes: Axes, name: str, place_m: Floats, heading: float, colour:
     beside = here + [side * 1.4 * DISC_M, 0]
     # Outlines and paths of others may run behind the name.
     halo = [withStroke(linewidth=3, foreground="white")]
-    said = {"color": colour, "weight": "bold", "fontsize": 12, "zorder": 6, "path_effects": halo}
-    axes.text(*beside, name, ha="left" if side > 0 else "right", va="center", **said)
+    style = {"color": colour, "weight": "bold", "fontsize": 12, "zorder": 6, "path_effects": halo}
+    axes.text(*beside, name, ha="left" if side > 0 else "right", va="center", **style)
 
 
 def _draw_legend(axes: Axes) -> None:

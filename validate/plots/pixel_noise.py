@@ -109,12 +109,14 @@ def _noise(axes: Axes, rows: Rows, column: str) -> None:
         last = np.flatnonzero((x > 0) & np.isfinite(sigma))[-1]
         drawn = np.linspace(0.3, x[last], 50)
         axes.plot(drawn, sigma[last] * drawn / x[last], ":", color=PAPER, lw=2, label="σ ∝ cc (Eq. 15)")
-    for name, colour, style, said in (("bias", BIAS, "D", "bias"), ("sigma", SPREAD, "o", "σ")):
+    for name, colour, style, symbol in (("bias", BIAS, "D", "bias"), ("sigma", SPREAD, "o", "σ")):
         value, low, high = (_column(rows, f"{name}{end}_px") for end in ("", "_low", "_high"))
         # A bias of which noise explains all has no place on a logarithmic axis but for its upper end.
         shown = np.where(value > 0, value, np.nan)
         ends = np.array([shown - np.maximum(low, 1e-6), high - shown])
-        axes.errorbar(x, shown, yerr=np.nan_to_num(ends), fmt=style, color=colour, ms=6, capsize=3, lw=1.5, label=said)
+        axes.errorbar(
+            x, shown, yerr=np.nan_to_num(ends), fmt=style, color=colour, ms=6, capsize=3, lw=1.5, label=symbol
+        )
         none = (value == 0) & (high > 0)
         axes.plot(x[none], high[none], "v", color=colour, mfc="none", ms=7)
     axes.set_ylim(4e-4, 0.04)

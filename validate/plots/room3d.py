@@ -36,7 +36,7 @@ ELEVATION_DEG, AZIMUTH_DEG = 38.0, 62.0
 VARIED, OTHER, IDLE = "#D55E00", "#0072B2", "0.55"
 UNOBSERVABLE = (0.72, 0.72, 0.72, 1.0)
 # Of the numbers between powers of ten those that begin so have room beside a colour scale.
-SAID_BETWEEN_DECADES = "235"
+LABELLED_BETWEEN_DECADES = "235"
 # What is nearer is drawn over what is farther: in this order, walls, objects with markers, fields of view, signs.
 WALLS, SOLIDS, FIELDS, SIGNS = 1, 2, 3, 4
 # Of the drawing's size, around it, for names.
@@ -58,7 +58,7 @@ def colour_scale(figure: Figure | SubFigure, above: Sequence[Axes], norm: LogNor
     """The scale of the markers' colours beside the axes that show them; `layout` as of `Figure.colorbar`."""
     bar = figure.colorbar(ScalarMappable(norm, COLOUR_MAP), ax=list(above), **layout)
     bar.ax.yaxis.set_major_formatter("{x:g}")
-    bar.ax.yaxis.set_minor_formatter(lambda x, _: f"{x:g}" if f"{x:.0e}"[0] in SAID_BETWEEN_DECADES else "")
+    bar.ax.yaxis.set_minor_formatter(lambda x, _: f"{x:g}" if f"{x:.0e}"[0] in LABELLED_BETWEEN_DECADES else "")
     return bar
 
 

@@ -78,8 +78,8 @@ def source_of(folder: Path, results: Sequence[SweepResult]) -> str:
         if table.name not in NOT_SHOWN:
             digest.update(table.read_bytes())
     for result in results:
-        said = [result.plan.sweep.resolved(), result.plan.scene.resolved()]
-        digest.update(json_text(said, sort_keys=True).encode())
+        documents = [result.plan.sweep.resolved(), result.plan.scene.resolved()]
+        digest.update(json_text(documents, sort_keys=True).encode())
     return digest.hexdigest()[:24]
 
 
@@ -212,12 +212,12 @@ def draw_curves(axes: Axes, result: SweepResult, single_frame: bool) -> None:
 def _slopes(axes: Axes, result: SweepResult, found: Slopes) -> None:
     """RMS over the steps of a sweep of one factor, each curve relative to its first step, with its slope."""
     x = np.array([float(c.value) for c in result.configurations])
-    said = f"measured: slope {found.measured:+.2f}"
-    said += f" [{found.low:+.2f}, {found.high:+.2f}]" if np.isfinite(found.low) else ""
-    axes.plot(x, found.measured_rms_m / found.measured_rms_m[0], "o-", color=MEASURED, ms=4, lw=1.5, label=said)
+    label = f"measured: slope {found.measured:+.2f}"
+    label += f" [{found.low:+.2f}, {found.high:+.2f}]" if np.isfinite(found.low) else ""
+    axes.plot(x, found.measured_rms_m / found.measured_rms_m[0], "o-", color=MEASURED, ms=4, lw=1.5, label=label)
     for number, (model, rms) in enumerate(found.predicted_rms_m.items()):
-        colour, said = MODEL_COLOURS[number % len(MODEL_COLOURS)], f"{model}: {found.predicted[model]:+.2f}"
-        axes.plot(x, rms / rms[0], "s--", color=colour, ms=4, lw=1.5, label=said)
+        colour, label = MODEL_COLOURS[number % len(MODEL_COLOURS)], f"{model}: {found.predicted[model]:+.2f}"
+        axes.plot(x, rms / rms[0], "s--", color=colour, ms=4, lw=1.5, label=label)
     axes.set(xscale="log", yscale="log", ylabel="RMS relative to the first step")
     axes.set_xlabel(AXIS_NAMES.get(result.configurations[0].parameter, result.configurations[0].parameter))
     axes.set_title(f"single-frame RMS, {found.points} points common to all steps", fontsize=11)

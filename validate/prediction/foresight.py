@@ -112,14 +112,14 @@ class Foreseen:
 def foresee(scene: Scene) -> Foreseen:
     """What the metric says of all cameras of a scene, in the light as it is estimated."""
     state = scene.state
-    look = estimated_appearance(state)
-    scene = exposed(scene, scene.cameras, look)
-    evaluations = predict(scene, scene.cameras, look)
+    appearance = estimated_appearance(state)
+    scene = exposed(scene, scene.cameras, appearance)
+    evaluations = predict(scene, scene.cameras, appearance)
     visible = next(iter(evaluations.values())).visible
-    views = Views(scene.cameras, state.points_m, state.normals, look)
+    views = Views(scene.cameras, state.points_m, state.normals, appearance)
     electrons = np.array([[electrons_per_radiance(camera, scene.sensor)] for camera in scene.cameras])
-    radiance = np.broadcast_to(look.white_w_per_m2_sr, visible.shape)
-    if look.ring_light:  # the radiances are those at 1 m, face to face
+    radiance = np.broadcast_to(appearance.white_w_per_m2_sr, visible.shape)
+    if appearance.ring_light:  # the radiances are those at 1 m, face to face
         with np.errstate(invalid="ignore", divide="ignore"):
             radiance = radiance * np.maximum(views.cos_incidence, 0) / views.range_m**2
     return Foreseen(
@@ -132,7 +132,7 @@ def foresee(scene: Scene) -> Foreseen:
         blur_modules(views, scene.sensor),
         views.depth_m,
         (electrons * radiance + scene.sensor.dark_signal_e) / scene.sensor.saturation_e,
-        sides_e(views, look, scene.sensor)[0],
+        sides_e(views, appearance, scene.sensor)[0],
         contrast_over_noise(views, scene.sensor),
         white_irradiance(views, state),
     )

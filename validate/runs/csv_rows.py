@@ -46,19 +46,19 @@ def read_tables(folder: Path) -> dict[str, list[dict[str, str]]]:
     return {path.stem: [dict(row) for row in read_csv(path)] for path in sorted(folder.glob("*.csv"))}
 
 
-def all_of(rows: Sequence[CsvRow], **wanted: str) -> list[CsvRow]:
+def all_of(rows: Sequence[CsvRow], **values: str) -> list[CsvRow]:
     """The rows that have these values."""
-    return [row for row in rows if all(row.get(key, "") == value for key, value in wanted.items())]
+    return [row for row in rows if all(row.get(key, "") == value for key, value in values.items())]
 
 
-def one_of(rows: Sequence[CsvRow], **wanted: str) -> CsvRow:
+def one_of(rows: Sequence[CsvRow], **values: str) -> CsvRow:
     """The first of them."""
-    return all_of(rows, **wanted)[0]
+    return all_of(rows, **values)[0]
 
 
-def first_of(rows: Sequence[CsvRow], **wanted: str) -> CsvRow | None:
+def first_of(rows: Sequence[CsvRow], **values: str) -> CsvRow | None:
     """The first of them; None if there is none."""
-    return next(iter(all_of(rows, **wanted)), None)
+    return next(iter(all_of(rows, **values)), None)
 
 
 def value_of(row: CsvRow | None, name: str) -> float:

@@ -43,7 +43,7 @@ class EventFile:
         self._begin = time.monotonic() if begin is None else begin
         self._number = 0
 
-    def write(self, event: str, **said: object) -> None:
+    def write(self, event: str, **fields: object) -> None:
         """Add an event; what is said of it must go into JSON."""
         now = datetime.datetime.now(datetime.UTC).isoformat(timespec="milliseconds")
         content = {
@@ -53,7 +53,7 @@ class EventFile:
             "number": self._number,
             "event": event,
             **({"format": FORMAT} if self._number == 0 else {}),
-            **said,
+            **fields,
         }
         self._number += 1
         try:

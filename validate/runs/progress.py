@@ -119,7 +119,7 @@ class ViewProgress:
             self.advance("failed")
         self._event("view-failed", request, cause=cause)
 
-    def _event(self, event: str, request: ViewRequest, total: int | None = None, **said: object) -> None:
+    def _event(self, event: str, request: ViewRequest, total: int | None = None, **fields: object) -> None:
         if self._events is not None:
             self._events.write(
                 event,
@@ -127,5 +127,5 @@ class ViewProgress:
                 camera=request.camera.name,
                 done=self._found + self.done,
                 total=self._found + self.total if total is None else total,
-                **said,
+                **fields,
             )

@@ -68,7 +68,7 @@ class Design:
     views: tuple[tuple[tuple[Acquisition, ...], ...], ...]
 
     @property
-    def wanted(self) -> list[Acquisition]:
+    def requested(self) -> list[Acquisition]:
         """All views, those of a step together."""
         return [item for step in zip(*self.views, strict=True) for views in step for item in views]
 
@@ -140,8 +140,8 @@ def training_levels(stage: Stage, training: Sequence[Training], acquired: Acquir
     contender = Contender(RULED_BY, stage.scene.noise_model(RULED_BY))
     predicted = []
     for place in training:
-        look, every = acquired.appearances[state_key(place.scene.state)], stage.groups[BOTH]
-        predicted += predicted_at(place.scene, [place.cameras], contender, look, every)
+        marker_appearance, every = acquired.appearances[state_key(place.scene.state)], stage.groups[BOTH]
+        predicted += predicted_at(place.scene, [place.cameras], contender, marker_appearance, every)
     return levels_of_walk(predicted, stage.scene.process)
 
 
@@ -156,16 +156,16 @@ def _assess_step(
 ) -> list[HeldStep]:
     """All runs at one step."""
     scene, groups = design.scenes[step], design.stage.groups
-    look = acquired.appearances[state_key(scene.state)]
-    wanted = [views[step] for views in design.views]
-    different = list(dict.fromkeys(wanted))
+    marker_appearance = acquired.appearances[state_key(scene.state)]
+    requested = [views[step] for views in design.views]
+    different = list(dict.fromkeys(requested))
     cameras = [tuple(item.request.camera for item in views) for views in different]
     contenders = [c for c in scene_contenders(scene, calibration) if c.name in MODELS]
     predicted = {
-        name: {c.name: predicted_at(scene, cameras, c, look, markers) for c in contenders}
+        name: {c.name: predicted_at(scene, cameras, c, marker_appearance, markers) for c in contenders}
         for name, markers in groups.items()
     }
-    surrogates = _of_surrogates(design, step, cameras, contenders, look)
+    surrogates = _of_surrogates(design, step, cameras, contenders, marker_appearance)
     found = {}
     for number, views in enumerate(different):
         measurements = [acquired.measured[item] for item in views]
@@ -185,17 +185,21 @@ def _assess_step(
         }
         filters = {
             name: FilterLevels(
-                {model: predicted_inverse(said, levels) for model, said in assessments[name].predicted.items()},
+                {model: predicted_inverse(of_model, levels) for model, of_model in assessments[name].predicted.items()},
                 of_levels[:, markers],
             )
             for name, markers in groups.items()
         }
         found[views] = HeldStep(assessments, surrogates[number], filters)
-    return [found[views] for views in wanted]
+    return [found[views] for views in requested]
 
 
 def predicted_at(
-    scene: Scene, cameras: Sequence[tuple[PTZCamera, ...]], contender: Contender, look: Appearance, markers: Bools
+    scene: Scene,
+    cameras: Sequence[tuple[PTZCamera, ...]],
+    contender: Contender,
+    marker_appearance: Appearance,
+    markers: Bools,
 ) -> list[Evaluation]:
     """Each configuration at some of the scene's markers, (N,)."""
     state = scene.state
@@ -207,7 +211,7 @@ def predicted_at(
             noise=contender.noise,
             process=scene.process,
             occluder=state.occluders,
-            appearance=_look_of(look, markers),
+            appearance=_appearance_of(marker_appearance, markers),
             visibility=contender.visibility,
             detection=contender.detection,
         )
@@ -219,7 +223,7 @@ def _of_surrogates(
     step: int,
     cameras: Sequence[tuple[PTZCamera, ...]],
     contenders: Sequence[Contender],
-    look: Appearance,
+    marker_appearance: Appearance,
 ) -> list[dict[str, dict[str, SurrogatePrediction]]]:
     """The prediction of each configuration at the surrogates' points, by avatar (and for both) and noise model.
 
@@ -236,7 +240,7 @@ def _of_surrogates(
         bodies.append(person.body(each.name, middle))
         owner += [each.name] * len(person.surrogate.points_m)
     where, outwards = np.concatenate(points), np.concatenate(normals)
-    typical = _typical(look)
+    typical = _typical(marker_appearance)
     groups = {name: np.array(owner) == name for name in design.stage.names}
     groups[BOTH] = np.ones(len(where), dtype=bool)
     found: list[dict[str, dict[str, SurrogatePrediction]]] = [{name: {} for name in groups} for _ in cameras]
@@ -261,17 +265,19 @@ def _of_surrogates(
     return found
 
 
-def _typical(look: Appearance) -> Appearance:
+def _typical(marker_appearance: Appearance) -> Appearance:
     """The median marker."""
-    of_all = (look.module_m, look.white_w_per_m2_sr, look.black_w_per_m2_sr)
-    return Appearance(*(float(np.median(values)) for values in of_all), None, look.modules, look.ring_light)
+    of_all = (marker_appearance.module_m, marker_appearance.white_w_per_m2_sr, marker_appearance.black_w_per_m2_sr)
+    return Appearance(
+        *(float(np.median(values)) for values in of_all), None, marker_appearance.modules, marker_appearance.ring_light
+    )
 
 
-def _look_of(look: Appearance, markers: Bools) -> Appearance:
+def _appearance_of(marker_appearance: Appearance, markers: Bools) -> Appearance:
     """How some of the markers look, (N,)."""
-    values = {field.name: getattr(look, field.name) for field in dataclasses.fields(look)}
+    values = {field.name: getattr(marker_appearance, field.name) for field in dataclasses.fields(marker_appearance)}
     of_each = {name: value[markers] for name, value in values.items() if np.shape(value)[:1] == markers.shape}
-    return dataclasses.replace(look, **of_each)
+    return dataclasses.replace(marker_appearance, **of_each)
 
 
 def _measured_of(measured: Measured, markers: Bools) -> Measured:

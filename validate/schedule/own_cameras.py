@@ -70,7 +70,7 @@ def own_cameras(
     errors = []
     for step, scene in enumerate(design.scenes):
         state, steered = scene.state, design.runs[run].steered
-        look = acquired.appearances[state_key(state)]
+        appearance = acquired.appearances[state_key(state)]
         contenders = [c for c in scene_contenders(scene, calibration) if c.name in result.noise_models]
         together = np.full((design.schedule.spec.trials, len(both), 3), np.nan)
         for name, markers in groups.items():
@@ -79,18 +79,18 @@ def own_cameras(
                 continue
             cameras = [steered.cameras[step][c] for c in mine]
             for contender in contenders:
-                (said,) = predicted_at(scene, [tuple(cameras)], contender, look, markers)
+                (said,) = predicted_at(scene, [tuple(cameras)], contender, appearance, markers)
                 name_of = contender.name
                 inverse[name_of, "filter"][step, markers] = inverse_sigma(said, single_frame=False)
                 inverse[name_of, HEADLINE_KIND][step, markers] = predicted_inverse(said, headline)[0]
                 inverse[name_of, "single frame"][step, markers] = inverse_sigma(said, single_frame=True)
                 for kind in KINDS:
                     rates[name_of, kind][step, markers] = said.found
-            wanted = [design.views[run][step][c] for c in mine]
+            requested = [design.views[run][step][c] for c in mine]
             rng = random_stream(
-                design.schedule.spec.seed, "+".join(item.request.content for item in wanted), "filter of own cameras"
+                design.schedule.spec.seed, "+".join(item.request.content for item in requested), "filter of own cameras"
             )
-            views = [acquired.measured[item] for item in wanted]
+            views = [acquired.measured[item] for item in requested]
             found = measure_configuration(scene, cameras, views, rng)
             together[:, markers] = found.errors.errors_m[:, markers]
             rate = found.errors.detection_rate

@@ -168,15 +168,15 @@ def _configuration(held: Held, run: int, step: int, avatar: str) -> Configuratio
 
 def _replicates(held: Held, assessments: tuple[Assessment, ...], avatar: str) -> Mapping[str, SweepReplicates]:
     errors = [a.measured.errors for a in assessments]
-    said = {
+    predicted = {
         model: np.array([inverse_sigma(a.predicted[model], single_frame=True) for a in assessments])
         for model in MODELS
         if model in assessments[0].predicted
     }
     rng = random_stream(held.design.schedule.spec.seed, avatar, "schedule intervals")
-    first = sweep_replicates(errors, next(iter(said.values())), rng, REPLICATES)
+    first = sweep_replicates(errors, next(iter(predicted.values())), rng, REPLICATES)
     # What is measured is the same for all models, and they are compared on the same resamples.
     return {
         model: dataclasses.replace(first, predicted_pss=first.point_weights @ inverse.T)
-        for model, inverse in said.items()
+        for model, inverse in predicted.items()
     }

@@ -45,14 +45,14 @@ def motor_limits(motors: MotorsSpec, zoom_limit: float | None) -> PTZLimits:
     return PTZLimits(zoom_range=(1.0, zoom_limit), **motors.model_dump())
 
 
-def tracking_of(said: TrackingSpec, seed: int) -> Tracking:
+def tracking_of(settings: TrackingSpec, seed: int) -> Tracking:
     """The tracking that a file describes."""
     return Tracking(
-        frame_s=1 / said.frame_rate_hz,
-        sigma_m=said.sigma_m,
-        latency_s=said.latency_s,
-        acceleration_density_m2_s3=said.acceleration_density_m2_s3,
-        lost_after_frames=said.lost_after_frames,
+        frame_s=1 / settings.frame_rate_hz,
+        sigma_m=settings.sigma_m,
+        latency_s=settings.latency_s,
+        acceleration_density_m2_s3=settings.acceleration_density_m2_s3,
+        lost_after_frames=settings.lost_after_frames,
         seed=seed,
     )
 
@@ -87,9 +87,9 @@ def step_views(
     schedule: ScheduleFile, scene: Scene, cameras: Iterable[PTZCamera], renderer: str, trials: int | None = None
 ) -> tuple[Acquisition, ...]:
     """The views of a scene that a schedule asks for; None for its own number of trials."""
-    said = schedule.spec
-    sampling = Sampling(noise_ratio=said.render_noise_ratio)
-    return views_of(scene, cameras, sampling, renderer, said.seed, trials or said.trials)
+    settings = schedule.spec
+    sampling = Sampling(noise_ratio=settings.render_noise_ratio)
+    return views_of(scene, cameras, sampling, renderer, settings.seed, trials or settings.trials)
 
 
 def steered_runs(schedule: ScheduleFile, stage: Stage, own: Mapping[str, Strategy]) -> list[Run]:

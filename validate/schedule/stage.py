@@ -119,26 +119,26 @@ def stage_of(schedule: ScheduleFile, scene: Scene) -> Stage:
         raise SceneError([f"{scene.path} has {len(names)} avatars ({', '.join(names) or 'none'}); allowed: two"])
     if scene.auto_exposure is not None:
         raise SceneError([f'{scene.path}: sensor.exposure_ms = "auto"; allowed: a number of ms, as all steps share it'])
-    said, room = schedule.spec, scene.state.room
+    schedule_spec, room = schedule.spec, scene.state.room
     for what, value, most in (
-        ("walk.reach_m", said.walk.reach_m, room.length_m / 2),
-        ("walk.lane_m", said.walk.lane_m, room.width_m / 2),
+        ("walk.reach_m", schedule_spec.walk.reach_m, room.length_m / 2),
+        ("walk.lane_m", schedule_spec.walk.lane_m, room.width_m / 2),
     ):
         if value >= most:
             raise SceneError(
                 [f"{schedule.path}: {what} = {value:g}; allowed: below {most:g}, where the walls of {scene.path} are"]
             )
     walk = passing(
-        reach_m=said.walk.reach_m,
-        lane_m=said.walk.lane_m,
-        middle_height_m=said.target.height_m,
-        speed_m_per_s=said.walk.speed_m_per_s,
-        steps=said.walk.steps,
+        reach_m=schedule_spec.walk.reach_m,
+        lane_m=schedule_spec.walk.lane_m,
+        middle_height_m=schedule_spec.target.height_m,
+        speed_m_per_s=schedule_spec.walk.speed_m_per_s,
+        steps=schedule_spec.walk.steps,
         names=(names[0], names[1]),
     )
     process = {
         "model": "constant-velocity",
-        "acceleration_density_m2_s3": said.process.acceleration_density_m2_s3,
-        "time_step_s": 1 / said.process.frame_rate_hz,
+        "acceleration_density_m2_s3": schedule_spec.process.acceleration_density_m2_s3,
+        "time_step_s": 1 / schedule_spec.process.frame_rate_hz,
     }
     return Stage(scene.with_settings({"process": process, "lens.max_zoom": LONGEST_ZOOM}), walk)

@@ -202,6 +202,6 @@ class StrategyState:
     def _reached(self, index: int, name: str) -> PTZCamera:
         if (index, name) not in self._settings:
             camera, plan = self.cameras[index], self.plan
-            wanted = follow(camera, self.predicted_m[name], plan.radius_m, plan.limits)
-            self._settings[index, name] = moved_towards(camera, wanted, plan.limits, plan.step_s)
+            setting = follow(camera, self.predicted_m[name], plan.radius_m, plan.limits)
+            self._settings[index, name] = moved_towards(camera, setting, plan.limits, plan.step_s)
         return self._settings[index, name]

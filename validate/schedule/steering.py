@@ -103,11 +103,13 @@ def steer(
             swaps += sum(a != b for a, b in zip(chosen, assignment or chosen, strict=True))
             decisions, assignment = decisions + 1, chosen
         next_frame = {name: track.ahead(latency_s + frame_s) for name, track in tracks.items()}
-        wanted = (
+        target_settings = (
             follow(camera, next_frame[name][0], plan.radius_m, plan.limits)
             for camera, name in zip(settings, assignment, strict=True)
         )
-        settings = tuple(moved_towards(*pair, plan.limits, frame_s) for pair in zip(settings, wanted, strict=True))
+        settings = tuple(
+            moved_towards(*pair, plan.limits, frame_s) for pair in zip(settings, target_settings, strict=True)
+        )
         if frame + 1 >= warm_up and (frame + 1 - warm_up) % per_step == 0:
             places, covariances = zip(*next_frame.values(), strict=True)
             reached.append((places, covariances, [track.lost for track in tracks.values()], settings, assignment))

@@ -51,19 +51,19 @@ class Training:
 
     scene: Scene
     cameras: tuple[PTZCamera, ...]
-    wanted: tuple[Acquisition, ...]
+    requested: tuple[Acquisition, ...]
 
 
 def training_views(schedule: ScheduleFile, stage: Stage, renderer: str) -> list[Training]:
     """The views to calibrate on: at each of five places a view of each camera."""
-    said, walk = schedule.spec, stage.walk
+    schedule_spec, walk = schedule.spec, stage.walk
     lanes = [(w.start_m[0] * WIDER_LANES, *w.start_m[1:]) for w in walk.walks]
     ends = [(w.end_m[0] * WIDER_LANES, *w.end_m[1:]) for w in walk.walks]
     moved = [
         dataclasses.replace(w, start_m=start, end_m=end) for w, start, end in zip(walk.walks, lanes, ends, strict=True)
     ]
     beside = Stage(stage.scene, dataclasses.replace(walk, first=moved[0], second=moved[1]))
-    rng = random_stream(said.seed, schedule.name, "training cameras")
+    rng = random_stream(schedule_spec.seed, schedule.name, "training cameras")
     found = []
     for share in TIMES:
         time_s = walk.times_s[0] + share * (walk.times_s[-1] - walk.times_s[0])
@@ -72,12 +72,12 @@ def training_views(schedule: ScheduleFile, stage: Stage, renderer: str) -> list[
         for number, camera in enumerate(scene.cameras):
             target = moved[number % 2].position_m(time_s) + AIM_M * rng.standard_normal(3)
             aimed = camera.aimed_at(tuple(target.tolist()))
-            zoom = fitting_zoom(aimed, target, said.target.radius_m) * np.exp(ZOOM_LOG * rng.standard_normal())
+            zoom = fitting_zoom(aimed, target, schedule_spec.target.radius_m) * np.exp(ZOOM_LOG * rng.standard_normal())
             focus = np.linalg.norm(target - camera.position_m) * np.exp(FOCUS_LOG * rng.standard_normal())
             settings = {"zoom": max(1.0, float(zoom)), "focus_distance_m": float(focus)}
             cameras.append(dataclasses.replace(aimed, **settings))
-        wanted = step_views(schedule, scene, cameras, renderer)
-        found.append(Training(scene, tuple(cameras), wanted))
+        requested = step_views(schedule, scene, cameras, renderer)
+        found.append(Training(scene, tuple(cameras), requested))
     return found
 
 
@@ -90,16 +90,16 @@ def calibrate_hallway(training: list[Training], acquired: Acquired) -> Calibrati
     moments, covariances, of_models, targets, trials = [], [], [], [], []
     for place in training:
         state, sensor = place.scene.state, place.scene.sensor
-        look = acquired.appearances[state_key(state)]
-        measured = [acquired.measured[item] for item in place.wanted]
+        appearance = acquired.appearances[state_key(state)]
+        measured = [acquired.measured[item] for item in place.requested]
         projected = np.array([camera.project(state.points_m)[0] for camera in place.cameras])
         residuals = np.array([view.pixels for view in measured]) - projected[:, None]
         of_place = pixel_moments(residuals)
-        views = Views(list(place.cameras), state.points_m, state.normals, look)
+        views = Views(list(place.cameras), state.points_m, state.normals, appearance)
         if len(of_place.trials):
             moments.append(of_place)
             geometry = (list(place.cameras), state.points_m, state.normals)
-            covariances.append(factor_covariances(*geometry, look, sensor, of_place, CALIBRATION_FACTORS))
+            covariances.append(factor_covariances(*geometry, appearance, sensor, of_place, CALIBRATION_FACTORS))
             of_models.append(
                 [model_covariance(place.scene.noise_model(name), views, of_place) for name in SCALED_MODELS]
             )
@@ -121,7 +121,7 @@ def calibrate_hallway(training: list[Training], acquired: Acquired) -> Calibrati
     ramp = fit_detection(DetectionTrials.together(trials))
     provenance: dict[str, str | int | float] = {
         "places": len(training),
-        "views": sum(len(place.wanted) for place in training),
+        "views": sum(len(place.requested) for place in training),
         "moments": fitted.moments,
         "left_out_as_blunders": fitted.left_out,
         "deviance_per_moment": fitted.deviance / fitted.moments,

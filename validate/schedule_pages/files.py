@@ -97,21 +97,21 @@ def write_schedule_report(folder: Path, made: ScheduleForReport, store: Store) -
     return path
 
 
-def remade_schedule(folder: Path, said: Mapping[str, Any], given: Given, strategy: Sequence[str] = ()) -> Path:
+def remade_schedule(folder: Path, recorded: Mapping[str, Any], given: Given, strategy: Sequence[str] = ()) -> Path:
     """The report of a finished schedule, made again: cameras are steered and PSS is predicted anew.
 
     Args:
-        said: the folder's run.json.
+        recorded: the folder's run.json.
         given, strategy: what the command line names of the run's files: what run.json names may be a stranger's.
 
     Raises:
         StoreError: other strategies than the run's, its files have changed since, or the store lacks what it used.
     """
-    options = said["options"]
+    options = recorded["options"]
     used = tuple(listed(folder, options, "strategy"))
     if tuple(strategy) != used:
-        wanted = " ".join(f"--strategy {each}" for each in used) or "no --strategy"
-        raise StoreError(f"{folder} was made with {wanted}; allowed: the same again, as such files are run")
+        given_options = " ".join(f"--strategy {each}" for each in used) or "no --strategy"
+        raise StoreError(f"{folder} was made with {given_options}; allowed: the same again, as such files are run")
     overrides = listed(folder, options, "overrides")
     store = open_store(given.store_of(folder, needed(folder, options, "store")))
     schedule = given.file_of(folder, "schedule", needed(folder, options, "schedule"))
@@ -120,17 +120,19 @@ def remade_schedule(folder: Path, said: Mapping[str, Any], given: Given, strateg
     if scene_path is None:
         given.check_scene_of(folder, file.path, scene_path := file.scene_path)
     stage = stage_of(file, scenes.load(scene_path, overrides, allow_outside=given.allow_outside))
-    if as_json(file.resolved()) != said["schedule"] or as_json(stage.scene.resolved()) != said["scene"]:
+    if as_json(file.resolved()) != recorded["schedule"] or as_json(stage.scene.resolved()) != recorded["scene"]:
         raise StoreError(
             f"{file.path} or {scene_path} has changed since the run in {folder}; allowed: the files that it was made "
             "of, or a new run"
         )
     own = dict(own_strategy(each) for each in strategy)
     chosen = backend.choose(option(folder, options, "variant"))
-    design = design_of(file, stage, steered_runs(file, stage, own), chosen.identity).without(said.get("failed") or {})
+    design = design_of(file, stage, steered_runs(file, stage, own), chosen.identity).without(
+        recorded.get("failed") or {}
+    )
     found = different(design)
     calibration = Calibration.from_file(folder / "calibrated.toml")
-    measured = stored_measurements(design.wanted, store)
+    measured = stored_measurements(design.given_options, store)
     predictions = _predictions(design, found, calibration, store, chosen)
     return write_schedule_report(
         folder, ScheduleForReport(design, found, predictions, measured, chosen.identity), store

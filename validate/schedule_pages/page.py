@@ -44,7 +44,7 @@ def schedule_section(
     """
     of_walk = len(table.y_m)
     states = table.every.at([run * of_walk + step for run, step in found.places])
-    looks = {
+    appearances = {
         name: Group(colour, symbol, f"follows {name}")
         for name, (colour, symbol) in zip(avatars, FOLLOWING, strict=True)
     }
@@ -56,13 +56,13 @@ def schedule_section(
         ranking.agreement_figure(table),
         points.points_figure(states),
         budget.budget_figure(states),
-        scene3d.scene_figure(states, steps[0].state.room, looks, bodies, plates, EYE),
+        scene3d.scene_figure(states, steps[0].state.room, appearances, bodies, plates, EYE),
     ]
     columns = page.joined_columns(
         points.point_columns(states, steps),
         budget.budget_columns(states),
         [curves.walk_columns(table, step) for _, step in found.places],
-        space.scene_columns(states, steps, looks, tuple(bodies), MOST_FACES, PLATE_SCALE),
+        space.scene_columns(states, steps, appearances, tuple(bodies), MOST_FACES, PLATE_SCALE),
     )
     choices = (
         Choice("strategy", "Strategy", tuple((name, name) for name in table.strategy_names)),
@@ -76,7 +76,7 @@ def schedule_section(
     )
     crops = chosen_crops(steps)
     named = dataclasses.replace(states, labels=tuple(step.label for step in steps))
-    return Section(named, title, steps, figures, columns, crops, courses, looks, all_cameras=True)
+    return Section(named, title, steps, figures, columns, crops, courses, appearances, all_cameras=True)
 
 
 def html_of_schedule(section: Section, table: ScheduleTable, pictures: Pictures, about: Mapping[str, str]) -> str:

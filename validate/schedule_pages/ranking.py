@@ -140,7 +140,7 @@ def _add(columns: Columns, name: str, names: Iterable[str], rows: list[CsvRow], 
 
 
 def _dots(
-    name: str, where: str, rows: tuple[str, ...], offset: float, sign: tuple[str, str], said: str
+    name: str, where: str, rows: tuple[str, ...], offset: float, sign: tuple[str, str], template: str
 ) -> dict[str, Any]:
     """A trace of dots, one on each row or a little beside it; `sign` is colour and symbol."""
     colour, symbol = sign
@@ -160,7 +160,7 @@ def _dots(
             "width": 4,
         },
         "marker": {"color": colour, "symbol": symbol, "size": 10},
-        "hovertemplate": said + "<extra>%{fullData.name}</extra>",
+        "hovertemplate": template + "<extra>%{fullData.name}</extra>",
     }
 
 

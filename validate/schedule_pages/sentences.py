@@ -78,10 +78,10 @@ def cards(table: ScheduleTable) -> list[dict[str, str]]:
     )
     found = [{"title": "Does PSS follow the measurement along the walk?", "text": follows}]
     ranks = [(kind, _ranking(table, model, kind.name)) for kind in KINDS]
-    said = " ".join(_choice_words(kind.words, row) for kind, row in ranks if row is not None)
-    if said:
-        said += f" Only {count} strategies are ranked: read the intervals."
-        found.append({"title": "Does it choose the right strategy?", "text": said})
+    words = " ".join(_choice_words(kind.words, row) for kind, row in ranks if row is not None)
+    if words:
+        words += f" Only {count} strategies are ranked: read the intervals."
+        found.append({"title": "Does it choose the right strategy?", "text": words})
     return found
 
 
@@ -96,7 +96,7 @@ def claims_in_brief(table: ScheduleTable) -> list[dict[str, Any]]:
         for side, model in (("predicted", table.every.leading_model), ("measured", "")):
             for kind in KINDS:
                 rows = all_of(table.claims, claim=claim, side=side, noise_model=model, kind=KIND_NAMES[kind.name])
-                cells.append(next((said for row, said in zip(rows, claims(rows), strict=True) if row["value"]), None))
+                cells.append(next((cell for row, cell in zip(rows, claims(rows), strict=True) if row["value"]), None))
         if any(cells):
             figure = next(cell["figure"] for cell in cells if cell)
             found.append({"claim": claim, "figure": figure.partition(" (median")[0], "cells": cells})
@@ -176,9 +176,9 @@ def _choice_words(kind: str, row: CsvRow) -> str:
     rho = rho_words(*_three(row, "spearman"))
     opening = f"{kind.capitalize()}: it would choose {row['chosen']}"
     if row["chosen"] == row["best"]:
-        said = f"{opening}, which is measured best, too"
+        words = f"{opening}, which is measured best, too"
     else:
-        said = (
+        words = (
             f"{opening}; the best measured is {row['best']}, and the choice loses {_percent(row['regret'])} of its PSS"
         )
-    return f"{said} (the same strategy in {_percent(row['chosen_is_best_share'])} of the resamples; ρ = {rho})."
+    return f"{words} (the same strategy in {_percent(row['chosen_is_best_share'])} of the resamples; ρ = {rho})."

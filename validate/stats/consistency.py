@@ -191,6 +191,6 @@ def sandwich(jacobians: Sequence[Floats], claimed: Sequence[Floats], true: Seque
     # X = F X Fᵀ + M, written as one linear system a point.
     kron = np.einsum("nij,nkl->nikjl", step, step).reshape(-1, 9, 9)
     actual_p = np.linalg.solve(np.eye(9) - kron, forcing.reshape(-1, 9, 1)).reshape(-1, 3, 3)
-    for row, actual, said in ((0, actual_c, claimed_c), (1, actual_p, prior)):
-        ratio[row, solid] = np.sqrt(np.trace(actual, axis1=1, axis2=2) / np.trace(said, axis1=1, axis2=2))
+    for row, actual, stated in ((0, actual_c, claimed_c), (1, actual_p, prior)):
+        ratio[row, solid] = np.sqrt(np.trace(actual, axis1=1, axis2=2) / np.trace(stated, axis1=1, axis2=2))
     return ratio

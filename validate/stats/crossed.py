@@ -245,7 +245,7 @@ def deviations(judged: Sequence[Judged], rng: np.random.Generator, draws: int) -
     excess = np.array([share[1] for share in shares])
     free = max(len(cameras) - 1, 1)
     stretched = np.sqrt(free / rng.chisquare(free, size=(draws, 1)))
-    for part, wanted, stretch in (
+    for part, requested, stretch in (
         (cameras, excess, stretched),
         (views, of_views, np.where(excess > of_views, stretched, 1.0)),
         (points, np.array([_jackknife(points[:, s]) for s in range(len(judged))]), 1.0),
@@ -256,7 +256,7 @@ def deviations(judged: Sequence[Judged], rng: np.random.Generator, draws: int) -
             warnings.simplefilter("ignore", RuntimeWarning)  # no sample known: no part in it
             centred = np.nan_to_num(part - np.nanmean(part, axis=0))
         length = np.sqrt((centred**2).sum(axis=0))
-        scaled = centred * np.where(length > 0, np.sqrt(wanted) / np.where(length > 0, length, 1.0), 0.0)
+        scaled = centred * np.where(length > 0, np.sqrt(requested) / np.where(length > 0, length, 1.0), 0.0)
         total += stretch * (rng.standard_normal((draws, len(part))) @ scaled)
     return total
 

@@ -161,11 +161,11 @@ def view_rows(results: Sequence[SweepResult], acquired: Acquired) -> list[Row]:
     """A row for each view that any configuration used."""
     rows: dict[str, Row] = {}
     for result in results:
-        for configuration, assessment, wanted in zip(
+        for configuration, assessment, requested in zip(
             result.configurations, result.assessments, result.views, strict=True
         ):
             visible = next(iter(assessment.predicted.values())).visible
-            for camera, seen, item in zip(configuration.cameras, visible, wanted, strict=True):
+            for camera, seen, item in zip(configuration.cameras, visible, requested, strict=True):
                 key = item.request.key
                 if key not in rows:
                     rows[key] = {
@@ -196,10 +196,10 @@ def _certificate(certificate: Certificate) -> Row:
     }
 
 
-def timing_rows(wanted: Iterable[Acquisition], acquired: Acquired) -> list[Row]:
+def timing_rows(requested: Iterable[Acquisition], acquired: Acquired) -> list[Row]:
     """Seconds that each view took, whichever run made it; nan where the store does not have that of another run's."""
     rows: dict[str, Row] = {}
-    for item in wanted:
+    for item in requested:
         if item in acquired.measured:
             key = item.request.key
             seconds = acquired.render_seconds.get(key, acquired.stored_seconds.get(key, math.nan))
@@ -221,11 +221,11 @@ def detection_rows(results: Sequence[SweepResult]) -> list[Row]:
     rows = []
     for result in results:
         seen, found, dark = set(), {True: [0, 0], False: [0, 0]}, 0
-        for assessment, wanted in zip(result.assessments, result.views, strict=True):
+        for assessment, requested in zip(result.assessments, result.views, strict=True):
             evaluation = next(iter(assessment.predicted.values()))
-            visible, too_dark = evaluation.visible, markers_too_dark(evaluation, wanted[0].request.sensor)
+            visible, too_dark = evaluation.visible, markers_too_dark(evaluation, requested[0].request.sensor)
             rate = assessment.view_detection_rate
-            for row, item in enumerate(wanted):
+            for row, item in enumerate(requested):
                 if item.request.key in seen:
                     continue
                 seen.add(item.request.key)

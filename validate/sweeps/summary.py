@@ -142,11 +142,13 @@ def _detection_table(results: Sequence[SweepResult]) -> Table:
 def _remarks(result: SweepResult, acquired: Acquired, console: Console) -> None:
     """Results that are no errors, but that a reader must know of."""
     name = result.plan.sweep.name
-    for configuration, assessment, wanted in zip(result.configurations, result.assessments, result.views, strict=True):
+    for configuration, assessment, requested in zip(
+        result.configurations, result.assessments, result.views, strict=True
+    ):
         where = name if is_measurement(result) else f"{name} {configuration.label}"
         if len(configuration.cameras) < 2:
             console.print(f"{where}: one camera observes no point (PSS 0)", markup=False)
-        for camera, item in zip(configuration.cameras, wanted, strict=True):
+        for camera, item in zip(configuration.cameras, requested, strict=True):
             if not acquired.measured[item].detected.any():
                 console.print(f"{where}: no marker found in the view of camera {camera.name}", markup=False)
         if not assessment.measured.errors.detected.any() and len(configuration.cameras) > 1:

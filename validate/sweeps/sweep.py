@@ -107,18 +107,18 @@ def plan(sweep: SweepFile, scene: Scene, renderer: str, sampling: Sampling) -> P
 def assess_sweep(plan: Plan, acquired: Acquired) -> SweepResult:
     """Predict and measure every configuration whose views exist."""
     kept, assessments, views, skipped = [], [], [], []
-    for configuration, wanted in zip(plan.configurations, plan.views, strict=True):
-        failed = [acquired.failed[w.request.key] for w in wanted if w.request.key in acquired.failed]
+    for configuration, requested in zip(plan.configurations, plan.views, strict=True):
+        failed = [acquired.failed[w.request.key] for w in requested if w.request.key in acquired.failed]
         if failed:
             skipped.append((configuration.label, failed[0]))
             continue
-        measurements = _measurements(wanted, acquired)
+        measurements = _measurements(requested, acquired)
         # The filter's random numbers belong to the configuration, whatever sweep or order it is met in.
-        keys = "+".join(w.request.content for w in wanted)
+        keys = "+".join(w.request.content for w in requested)
         rng = random_stream(plan.sweep.seed, keys, "filter")
         appearance = acquired.appearances[state_key(configuration.scene.state)]
         kept.append(configuration)
-        views.append(wanted)
+        views.append(requested)
         assessments.append(assess(configuration.scene, configuration.cameras, measurements, rng, appearance))
     return SweepResult(
         plan,
@@ -130,8 +130,8 @@ def assess_sweep(plan: Plan, acquired: Acquired) -> SweepResult:
     )
 
 
-def _measurements(wanted: Sequence[Acquisition], acquired: Acquired) -> list[ViewMeasurement]:
-    return [acquired.measured[item] for item in wanted]
+def _measurements(requested: Sequence[Acquisition], acquired: Acquired) -> list[ViewMeasurement]:
+    return [acquired.measured[item] for item in requested]
 
 
 def _replicates(plan: Plan, assessments: Sequence[Assessment]) -> dict[str, SweepReplicates]:

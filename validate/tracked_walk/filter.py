@@ -138,20 +138,20 @@ def track_walk(
     frames, views, trials, points = measured.shape[:-1]
     run = _Run(process, settings, trials, points)
     position = np.full((2, frames, trials, points, 3), np.nan)
-    believed = np.full((2, frames, trials, points, 3, 3), np.nan)
+    claimed = np.full((2, frames, trials, points, 3, 3), np.nan)
     used, gated = np.zeros((2, frames, views, trials, points), dtype=bool)
     lost = np.zeros((frames, trials, points), dtype=bool)
     for frame, settings_now in enumerate(cameras):
         run.predict()
-        position[0, frame], believed[0, frame] = run.believed
+        position[0, frame], claimed[0, frame] = run.claimed
         used[frame], gated[frame] = run.take(settings_now, measured[frame], noise[frame])
-        position[1, frame], believed[1, frame] = run.believed
+        position[1, frame], claimed[1, frame] = run.claimed
         lost[frame] = run.lost
     return WalkTracks(
         prior_m=position[0],
         posterior_m=position[1],
-        prior_covariance_m2=believed[0],
-        posterior_covariance_m2=believed[1],
+        prior_covariance_m2=claimed[0],
+        posterior_covariance_m2=claimed[1],
         used=used,
         gated=gated,
         lost=lost,
@@ -197,7 +197,7 @@ class _Run:
         self.missed, self.losses, self.reacquired = np.zeros((3, trials, points), dtype=np.int64)
 
     @property
-    def believed(self) -> tuple[Floats, Floats]:
+    def claimed(self) -> tuple[Floats, Floats]:
         """m, positions (T, N, 3), and m², their covariances (T, N, 3, 3); nan without a track."""
         return self.state[..., POSITION], self.covariance[..., POSITION, POSITION]
 

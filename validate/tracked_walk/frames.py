@@ -71,7 +71,7 @@ class RealWalk:
     truth_m: Floats
 
     @property
-    def wanted(self) -> list[Acquisition]:
+    def requested(self) -> list[Acquisition]:
         """All views."""
         return [item for frame in self.views for item in frame]
 
@@ -108,7 +108,7 @@ class TrackedWalk:
         found = np.isfinite(self.pixels[..., 0]).sum(axis=1)
         kept = np.isfinite(tracks.posterior_m[..., 0]) & ~tracks.lost
         square = ((tracks.posterior_m - truth[:, None]) ** 2).sum(axis=-1)
-        believed = np.trace(tracks.posterior_covariance_m2, axis1=-2, axis2=-1)
+        claimed = np.trace(tracks.posterior_covariance_m2, axis1=-2, axis2=-1)
         expected = np.trace(self.predicted_m2[1], axis1=-2, axis2=-1)
         rows: list[Row] = []
         for frame, time_s in enumerate(self.real.walk.times_s.tolist()):
@@ -127,7 +127,7 @@ class TrackedWalk:
                         "tracked": float(cells.sum(axis=1).mean()),
                         "predicted_tracked": int(np.isfinite(foreseen).sum()),
                         "measured_median_m": _median(np.sqrt(square[frame][cells])),
-                        "claimed_median_m": _median(np.sqrt(believed[frame][cells])),
+                        "claimed_median_m": _median(np.sqrt(claimed[frame][cells])),
                         "predicted_median_m": _median(np.sqrt(foreseen)),
                     }
                 )
@@ -165,16 +165,16 @@ def real_walk_of(schedule: ScheduleFile, stage: Stage, own: Mapping[str, Strateg
         RangeError: a strategy that does not exist, or a rate at which the walk or the tracking is no whole number of
             frames.
     """
-    said = schedule.spec.real_walk
-    if said is None:
+    real_walk = schedule.spec.real_walk
+    if real_walk is None:
         return None
-    strategy = own.get(said.strategy) or strategy_named(said.strategy)
+    strategy = own.get(real_walk.strategy) or strategy_named(real_walk.strategy)
     seconds = float(stage.walk.times_s[-1] - stage.walk.times_s[0])
-    frames = seconds * said.frames_per_s
+    frames = seconds * real_walk.frames_per_s
     if abs(frames - round(frames)) > WHOLE_FRAMES * frames:
         raise RangeError(
-            f"{schedule.path}: real_walk.frames_per_s = {said.frames_per_s:g} makes {frames:.6g} frames of a walk of "
-            f"{seconds:.4g} s; allowed: a whole number of frames"
+            f"{schedule.path}: real_walk.frames_per_s = {real_walk.frames_per_s:g} makes {frames:.6g} frames "
+            f"of a walk of {seconds:.4g} s; allowed: a whole number of frames"
         )
     walk = dataclasses.replace(stage.walk, steps=round(frames) + 1)
     # Decisions are as far apart as in the held study.
@@ -182,11 +182,11 @@ def real_walk_of(schedule: ScheduleFile, stage: Stage, own: Mapping[str, Strateg
     steered = steer(walk, stage.scene.cameras, strategy, plan, tracking_of(schedule.spec.tracking, schedule.spec.seed))
     scenes = tuple(stage.at(time_s, moving=True) for time_s in walk.times_s.tolist())
     views = tuple(
-        step_views(schedule, scene, cameras, renderer, said.trials)
+        step_views(schedule, scene, cameras, renderer, real_walk.trials)
         for scene, cameras in zip(scenes, steered.cameras, strict=True)
     )
     truth = np.array([scene.state.points_m for scene in scenes])
-    return RealWalk(said.strategy, stage, walk, steered, scenes, views, truth)
+    return RealWalk(real_walk.strategy, stage, walk, steered, scenes, views, truth)
 
 
 def track_real_walk(real: RealWalk, acquired: Acquired, calibration: Calibration) -> TrackedWalk:
@@ -199,7 +199,7 @@ def track_real_walk(real: RealWalk, acquired: Acquired, calibration: Calibration
     information = []
     for scene, cameras in zip(real.scenes, real.steered.cameras, strict=True):
         (contender,) = (c for c in scene_contenders(scene, calibration) if c.name == FULL_MODEL)
-        said = evaluate(
+        evaluation = evaluate(
             cameras,
             scene.state.points_m,
             scene.state.normals,
@@ -208,7 +208,7 @@ def track_real_walk(real: RealWalk, acquired: Acquired, calibration: Calibration
             appearance=acquired.appearances[state_key(scene.state)],
             visibility=contender.visibility,
         )
-        information.append(said.information)
+        information.append(evaluation.information)
     predicted = riccati_along(np.array(information), process)
     return TrackedWalk(real, tracks, pixels, process, predicted)
 
@@ -226,14 +226,14 @@ def gait_densities(stage: Stage, walk: Passing) -> Floats:
     A marker has the mean over both people's markers at its place on the suit: how limbs swing is known of gait, and not
     of these two on this walk.
     """
-    told = ConstantVelocity(1.0, walk.step_s)
+    unit_process = ConstantVelocity(1.0, walk.step_s)
     found = []
     for speed in OTHER_SPEEDS:
         walks = [dataclasses.replace(w, speed_m_per_s=w.speed_m_per_s * speed) for w in walk.walks]
         other = Stage(stage.scene, dataclasses.replace(walk, first=walks[0], second=walks[1]))
         # The same frame rate, from when they start.
         times = walk.step_s * np.arange(int(walks[0].length_m / walks[0].speed_m_per_s / walk.step_s))
-        found.append(motion_misfit(np.array([other.at(t).state.points_m for t in times.tolist()]), told))
+        found.append(motion_misfit(np.array([other.at(t).state.points_m for t in times.tolist()]), unit_process))
     density = np.mean(found, axis=0)
     places = np.array([marker.id for marker in stage.scene.state.markers])
     for first, groups in zip(stage.first_ids, stage.names, strict=True):

@@ -56,7 +56,7 @@ def misfit_rows(truth_m: ArrayLike, process: ConstantVelocity, groups: Mapping[s
     Raises:
         ShapeError: as `motion_misfit`; a mask that does not fit.
     """
-    errors, told = _prediction_errors(truth_m), process.acceleration_density_m2_s3
+    errors, assumed = _prediction_errors(truth_m), process.acceleration_density_m2_s3
     densities, rows = motion_misfit(truth_m, process), []
     for name, mask in group_masks(groups, len(densities)).items():
         own, some = errors[:, mask], bool(mask.any())
@@ -65,12 +65,12 @@ def misfit_rows(truth_m: ArrayLike, process: ConstantVelocity, groups: Mapping[s
             {
                 "group": name,
                 "markers": int(mask.sum()),
-                "assumed_density_m2_s3": told,
+                "assumed_density_m2_s3": assumed,
                 "density_m2_s3": density,
                 "largest_density_m2_s3": float(densities[mask].max()) if some else float("nan"),
-                "density_over_assumed": density / told,
+                "density_over_assumed": density / assumed,
                 "prediction_rms_m": float(np.sqrt((own**2).sum(axis=-1).mean())) if some else float("nan"),
-                "largest_sigmas": float(np.abs(own).max() / np.sqrt(told * _variance_per_density(process)))
+                "largest_sigmas": float(np.abs(own).max() / np.sqrt(assumed * _variance_per_density(process)))
                 if some
                 else float("nan"),
             }

@@ -12,11 +12,11 @@ from validate.schedule.runs import Run
 from validate.schedule.training import Training
 from validate.tracked_walk.frames import RealWalk
 
-__all__ = ["Wanted"]
+__all__ = ["RequestedViews"]
 
 
 @dataclass(frozen=True, eq=False)
-class Wanted:
+class RequestedViews:
     """The views to calibrate on, the held steps, and the real walk (None: not asked for)."""
 
     training: list[Training]
@@ -26,10 +26,10 @@ class Wanted:
     @property
     def views(self) -> list[Acquisition]:
         """All of them."""
-        found = [item for place in self.training for item in place.wanted] + self.design.wanted
-        return found if self.real is None else found + self.real.wanted
+        found = [item for place in self.training for item in place.requested] + self.design.requested
+        return found if self.real is None else found + self.real.requested
 
-    def without(self, failed: Collection[str], messages: RunMessages) -> Wanted | None:
+    def without(self, failed: Collection[str], messages: RunMessages) -> RequestedViews | None:
         """What needs none of these views, given by their hashes, and says what that leaves out.
 
         Places to calibrate on and runs go one by one. The real walk goes as a whole: its filter runs through all
@@ -40,7 +40,7 @@ class Wanted:
         """
         if not failed:
             return self
-        training = [place for place in self.training if _whole(place.wanted, failed)]
+        training = [place for place in self.training if _whole(place.requested, failed)]
         if lost := len(self.training) - len(training):
             messages.left_out(
                 f"{lost} of {len(self.training)} places to calibrate on left out, as a view of each failed"
@@ -50,12 +50,12 @@ class Wanted:
             if run not in design.runs:
                 messages.left_out(f"{_label(run)}: left out, as a view of it failed")
         real = self.real
-        if real is not None and not _whole(real.wanted, failed):
-            lost = len({item.request.key for item in real.wanted} & set(failed))
+        if real is not None and not _whole(real.requested, failed):
+            lost = len({item.request.key for item in real.requested} & set(failed))
             messages.left_out(f"the real walk: left out, as {lost} of its views failed")
             real = None
         if training and design.runs:
-            return Wanted(training, design, real)
+            return RequestedViews(training, design, real)
         messages.left_out(
             "no tables: a view that every run needs, or every place to calibrate on, failed; all other views are in "
             "the store, and another run takes the failed ones only"
@@ -63,8 +63,8 @@ class Wanted:
         return None
 
 
-def _whole(wanted: Collection[Acquisition], failed: Collection[str]) -> bool:
-    return not any(item.request.key in failed for item in wanted)
+def _whole(requested: Collection[Acquisition], failed: Collection[str]) -> bool:
+    return not any(item.request.key in failed for item in requested)
 
 
 def _label(run: Run) -> str:

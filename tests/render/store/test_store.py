@@ -262,8 +262,8 @@ def test_an_old_file_survives_a_failed_rewrite(tmp_path):
 
 def test_full_disk_is_one_clear_line(tmp_path):
     """ENOSPC becomes the project's own error, which names the file and how much it needs."""
-    said = pytest.raises(StoreError, match=r"disk is full; the file needs 1,234 bytes, [\d,]+ are free")
-    with said, atomic_path(tmp_path / "file.txt", needed_bytes=1234):
+    expected = pytest.raises(StoreError, match=r"disk is full; the file needs 1,234 bytes, [\d,]+ are free")
+    with expected, atomic_path(tmp_path / "file.txt", needed_bytes=1234):
         raise OSError(errno.ENOSPC, "No space left on device")
     assert list(tmp_path.iterdir()) == []
 

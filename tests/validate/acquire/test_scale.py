@@ -126,46 +126,46 @@ def well(address, job):
     return Made("", CERTIFICATE, 0.5, (0.25,) * len(job.measurings)) if job.camera else Made()
 
 
-def handed_out(wanted, number, fate, tmp_path, seed=0):
-    """Hand out the jobs of `wanted` to workers of nobody; what came of it, what was heard, and the workers."""
-    acquired, heard = Acquired(), Heard(len(wanted))
+def handed_out(requested, number, fate, tmp_path, seed=0):
+    """Hand out the jobs of `requested` to workers of nobody; what came of it, what was heard, and the workers."""
+    acquired, heard = Acquired(), Heard(len(requested))
     workers = WorkersOfNobody(number, fate, np.random.default_rng(seed))
-    hand_out(wanted, PLACE, workers, Store(tmp_path), heard, acquired)
-    assert len(heard.advanced) == len(wanted)
+    hand_out(requested, PLACE, workers, Store(tmp_path), heard, acquired)
+    assert len(heard.advanced) == len(requested)
     return acquired, heard, workers
 
 
 @pytest.mark.parametrize("number", [1, 2, 3, 7, 40])
 @pytest.mark.parametrize("seed", range(5))
 def test_any_number_of_workers_makes_every_view_once_and_every_light_before_its_views(number, seed, tmp_path):
-    wanted = some_views(states=4, views=5, trials=(2, 3))
-    acquired, heard, workers = handed_out(wanted, number, well, tmp_path, seed)
+    requested = some_views(states=4, views=5, trials=(2, 3))
+    acquired, heard, workers = handed_out(requested, number, well, tmp_path, seed)
     assert acquired.failed == {}
-    assert acquired.measured_items == set(wanted)
+    assert acquired.measured_items == set(requested)
     assert acquired.rendered == len(acquired.certificates) == len(acquired.render_seconds) == 20
     views = [job.view for job in workers.jobs if job.camera]
-    assert sorted(views) == sorted({item.request.key for item in wanted})
+    assert sorted(views) == sorted({item.request.key for item in requested})
     lights = [job.state for job in workers.jobs if job.camera is None]
     assert len(lights) == len(set(lights)) == 4
     for number, job in enumerate(workers.jobs):
         if job.camera:
             assert any(earlier.state == job.state for earlier in workers.jobs[:number] if earlier.camera is None)
-    assert set(heard.advanced) == {f"measured camera {item.request.camera.name}" for item in wanted}
+    assert set(heard.advanced) == {f"measured camera {item.request.camera.name}" for item in requested}
     assert "solving the scene's light" in heard.notes
 
 
 def test_stored_light_is_not_solved_again(tmp_path):
-    wanted = some_views(states=2)
+    requested = some_views(states=2)
     store = Store(tmp_path)
-    store.save(store.light(light_key(wanted[0].request.state)), {"x": np.zeros(1)})
-    _, _, workers = handed_out(wanted, 2, well, tmp_path)
-    assert [job.state for job in workers.jobs if job.camera is None] == [state_key(wanted[-1].request.state)]
+    store.save(store.light(light_key(requested[0].request.state)), {"x": np.zeros(1)})
+    _, _, workers = handed_out(requested, 2, well, tmp_path)
+    assert [job.state for job in workers.jobs if job.camera is None] == [state_key(requested[-1].request.state)]
 
 
 def test_a_worker_stays_with_a_scene_state_while_it_has_views(tmp_path):
     """Two workers, two states: each is sent one state only, until it helps the other with what is left."""
-    wanted = some_views(states=2, views=10)
-    _, _, workers = handed_out(wanted, 2, well, tmp_path, seed=3)
+    requested = some_views(states=2, views=10)
+    _, _, workers = handed_out(requested, 2, well, tmp_path, seed=3)
     first = [job.state for job in workers.jobs[:8]]
     assert len(set(first)) == 2
     assert len(set(workers.has)) == 2
@@ -183,81 +183,81 @@ def test_workers_that_die_by_chance_cost_no_view(seed, tmp_path):
             return WorkerGoneError(address)
         return well(address, job)
 
-    wanted = some_views(states=3, views=4)
-    acquired, _, workers = handed_out(wanted, 3, fate, tmp_path, seed)
+    requested = some_views(states=3, views=4)
+    acquired, _, workers = handed_out(requested, 3, fate, tmp_path, seed)
     assert acquired.failed == {}
-    assert acquired.measured_items == set(wanted)
+    assert acquired.measured_items == set(requested)
     assert len(workers.jobs) == 3 * 5 + sum(map(len, deaths.values()))
 
 
 def test_a_view_that_kills_its_worker_three_times_has_failed_and_no_other(tmp_path):
-    wanted = some_views(states=2, views=4)
-    deadly = wanted[1].request.key
+    requested = some_views(states=2, views=4)
+    deadly = requested[1].request.key
 
     def fate(address, job):
         return WorkerGoneError(address) if job.view == deadly else well(address, job)
 
-    acquired, heard, workers = handed_out(wanted, 3, fate, tmp_path)
+    acquired, heard, workers = handed_out(requested, 3, fate, tmp_path)
     assert acquired.failed == {deadly: "3 workers died while they made it"}
     assert [job.view for job in workers.jobs].count(deadly) == MOST_DEATHS == 3
-    assert len(acquired.measured_items) == len(wanted) - 1
+    assert len(acquired.measured_items) == len(requested) - 1
     assert heard.advanced.count("failed") == 1
 
 
 @pytest.mark.parametrize("kills", [False, True])
 def test_light_that_cannot_be_solved_fails_the_views_of_its_state_alone(kills, tmp_path):
-    wanted = some_views(states=3, views=2)
-    dark = state_key(wanted[2].request.state)
+    requested = some_views(states=3, views=2)
+    dark = state_key(requested[2].request.state)
 
     def fate(address, job):
         if job.camera or job.state != dark:
             return well(address, job)
         return WorkerGoneError(address) if kills else Made(failed="MemoryError: no room")
 
-    acquired, _, workers = handed_out(wanted, 2, fate, tmp_path)
+    acquired, _, workers = handed_out(requested, 2, fate, tmp_path)
     cause = "3 workers died while they made it" if kills else "MemoryError: no room"
-    assert set(acquired.failed) == {item.request.key for item in wanted[2:4]}
+    assert set(acquired.failed) == {item.request.key for item in requested[2:4]}
     assert set(acquired.failed.values()) == {f"the scene's light cannot be solved: {cause}"}
     assert [job.state for job in workers.jobs if job.camera is None].count(dark) == (3 if kills else 1)
 
 
 def test_a_failing_view_fails_alone_and_a_full_disk_ends_the_run(tmp_path):
-    wanted = some_views(states=1, views=4)
-    key = wanted[0].request.key
+    requested = some_views(states=1, views=4)
+    key = requested[0].request.key
 
     def fails(address, job):
         return Made(failed="RuntimeError: no such mesh") if job.view == key else well(address, job)
 
-    acquired, _, _ = handed_out(wanted, 2, fails, tmp_path)
+    acquired, _, _ = handed_out(requested, 2, fails, tmp_path)
     assert acquired.failed == {key: "RuntimeError: no such mesh"}
 
     def full(address, job):
         return StoreError("the disk is full") if job.view == key else well(address, job)
 
     with pytest.raises(StoreError, match="the disk is full"):
-        handed_out(wanted, 2, full, tmp_path)
+        handed_out(requested, 2, full, tmp_path)
 
 
 def test_a_worker_that_another_run_has_sent_a_state_is_sent_it_again(tmp_path):
     """Workers of a cluster keep one state: who was sent another in between says so, and nothing is counted."""
-    said = []
+    printed_text = []
 
     def fate(address, job):
-        if len(said) < 5:
-            said.append(job)
+        if len(printed_text) < 5:
+            printed_text.append(job)
             return Made(lacks_state=True)
         return well(address, job)
 
-    wanted = some_views(states=2, views=3)
-    acquired, _, _ = handed_out(wanted, 2, fate, tmp_path)
+    requested = some_views(states=2, views=3)
+    acquired, _, _ = handed_out(requested, 2, fate, tmp_path)
     assert acquired.failed == {}
-    assert acquired.measured_items == set(wanted)
+    assert acquired.measured_items == set(requested)
 
 
 def test_a_job_carries_no_scene(tmp_path):
     """A job is under 4 kB whatever the scene: the state, up to megabytes of meshes, goes beside it and once."""
-    wanted = some_views(states=1, views=1)
-    _, _, workers = handed_out(wanted, 1, well, tmp_path)
+    requested = some_views(states=1, views=1)
+    _, _, workers = handed_out(requested, 1, well, tmp_path)
     assert max(len(pickle.dumps(job)) for job in workers.jobs) < 4000
 
 
@@ -370,8 +370,8 @@ def cmdline(process):
 def test_processes_that_die_are_started_again_and_none_is_left(monkeypatch, tmp_path):
     """The view that kills three workers fails alone; the others are made, and afterwards no process is there."""
     monkeypatch.setattr(dask_workers, "call", deadly_call)
-    wanted = some_views(states=2, views=3)
-    acquired, heard = Acquired(), Heard(len(wanted))
+    requested = some_views(states=2, views=3)
+    acquired, heard = Acquired(), Heard(len(requested))
     before = {each.pid for each in children(os.getpid())}
     with workers_of(Scale(workers=2)) as workers:
         assert workers.cores == max(1, CPU_COUNT // 2)
@@ -379,9 +379,9 @@ def test_processes_that_die_are_started_again_and_none_is_left(monkeypatch, tmp_
         assert len(started) == 2
         (held,) = set(workers.client.run(_ignores_interrupts).values())
         assert held
-        hand_out(wanted, PLACE, workers, Store(tmp_path), heard, acquired)
-    assert acquired.failed == {wanted[1].request.key: "3 workers died while they made it"}
-    assert acquired.measured_items == {item for item in wanted if item.request.camera.name != "0-2"}
+        hand_out(requested, PLACE, workers, Store(tmp_path), heard, acquired)
+    assert acquired.failed == {requested[1].request.key: "3 workers died while they made it"}
+    assert acquired.measured_items == {item for item in requested if item.request.camera.name != "0-2"}
     assert {each.pid for each in children(os.getpid())} <= before
 
 
@@ -391,23 +391,23 @@ def test_two_workers_measure_what_one_process_does(tmp_path):
     (tmp_path / "closet.toml").write_text(SCENE)
     scene = scenes.load(tmp_path / "closet.toml")
     chosen = backend.choose()
-    wanted = views_of(scene, scene.cameras[:2], Sampling(noise_ratio=0.6), chosen.identity, 3, 2)
+    requested = views_of(scene, scene.cameras[:2], Sampling(noise_ratio=0.6), chosen.identity, 3, 2)
     light = Store(tmp_path / "one").light(light_key(scene.state))
     baked(scene.state, Store(tmp_path / "one"), chosen)
     Store(tmp_path / "two").save(
         tmp_path / "two" / light.relative_to(tmp_path / "one"), Store(tmp_path / "one").load(light)
     )
     found = {
-        name: acquire(wanted, Store(tmp_path / name), chosen, Heard, scale)
+        name: acquire(requested, Store(tmp_path / name), chosen, Heard, scale)
         for name, scale in {"one": HERE, "two": Scale(workers=2)}.items()
     }
     for acquired in found.values():
         assert acquired.failed == {}
-        assert acquired.rendered == len(acquired.measured_items) == len(wanted)
-        assert list(acquired.measured) == list(wanted)
+        assert acquired.rendered == len(acquired.measured_items) == len(requested)
+        assert list(acquired.measured) == list(requested)
     one, two = found["one"], found["two"]
     assert any(measured.detected.any() for measured in one.measured.values())
-    for item in wanted:
+    for item in requested:
         assert one.measured[item].pixels.tobytes() == two.measured[item].pixels.tobytes()
         assert one.measured[item].covariance.tobytes() == two.measured[item].covariance.tobytes()
     assert repr(one.certificates) == repr({key: two.certificates[key] for key in one.certificates})

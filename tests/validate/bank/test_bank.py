@@ -92,7 +92,7 @@ def test_training_and_held_out_views_share_nothing(room):
     assert len(training.views) == 12
     assert len(held_out.views) == 21
     assert not {c.position_m for c in training.cameras} & {c.position_m for c in held_out.cameras}
-    assert not {i.request.key for i in training.wanted} & {i.request.key for i in held_out.wanted}
+    assert not {i.request.key for i in training.requested} & {i.request.key for i in held_out.requested}
     assert [c.pan_deg for c in held_out_views(room, design, "r").cameras] == [c.pan_deg for c in held_out.cameras]
     for camera in (*training.cameras, *held_out.cameras):
         x, y, z = camera.position_m
@@ -100,7 +100,7 @@ def test_training_and_held_out_views_share_nothing(room):
         assert abs(y) < 3
         assert 0 < z < 3
         assert design.zoom[0] <= camera.zoom <= design.zoom[1]
-    assert len(held_out.wanted) == 21 * design.turns
+    assert len(held_out.requested) == 21 * design.turns
 
 
 def test_detection_views_are_of_the_training_cameras_at_any_zoom_and_focus(room):
@@ -108,9 +108,9 @@ def test_detection_views_are_of_the_training_cameras_at_any_zoom_and_focus(room)
     design = BankDesign()
     training, views = training_views(room, design, "r"), detection_views(room, design, "r")
     assert {c.position_m for c in training.cameras} == {c.position_m for c in views.cameras}
-    assert len(views.views) == len(views.wanted) == design.training_cameras * design.detection_settings
-    assert not {i.request.key for i in training.wanted} & {i.request.key for i in views.wanted}
-    assert [i.request.camera for i in views.wanted] == list(views.cameras)
+    assert len(views.views) == len(views.requested) == design.training_cameras * design.detection_settings
+    assert not {i.request.key for i in training.requested} & {i.request.key for i in views.requested}
+    assert [i.request.camera for i in views.requested] == list(views.cameras)
     middle = room.state.points_m.mean(axis=0)
     for number, (low, high) in enumerate((design.detection_zoom, design.detection_focus)):
         values = [(c.zoom, c.focus_distance_m / np.linalg.norm(middle - c.position_m))[number] for c in views.cameras]
@@ -136,7 +136,7 @@ def test_a_bank_looks_where_cameras_can_and_focuses_where_lenses_can(room):
     above = dataclasses.replace(room.cameras[0], position_m=(*room.state.points_m.mean(axis=0)[:2], 2.95), name="above")
     scene = dataclasses.replace(room, cameras=(above,))
     views = held_out_views(scene, BankDesign(settings=40, focus_spread=5.0), "r")
-    assert len(views.wanted) == 80
+    assert len(views.requested) == 80
     assert min(camera.tilt_deg for camera in views.cameras) < -80
 
 
@@ -395,8 +395,8 @@ def test_sandwich_against_simulation():
     noise = rng.standard_normal((20_000, 6)) * np.sqrt(s)
     pull = noise @ np.linalg.solve(r, h)
     fit = pull @ np.linalg.inv(information)
-    said = np.trace(np.linalg.inv(information))
-    assert frame == pytest.approx(np.sqrt((fit**2).sum(axis=1).mean() / said), rel=0.02)
+    stated = np.trace(np.linalg.inv(information))
+    assert frame == pytest.approx(np.sqrt((fit**2).sum(axis=1).mean() / stated), rel=0.02)
     error = rng.standard_normal((20_000, 3)) @ np.linalg.cholesky(prior).T
     for _ in range(200):
         pull = rng.standard_normal((20_000, 6)) * np.sqrt(s) @ np.linalg.solve(r, h)

@@ -27,8 +27,8 @@ def world():
     """Views of the room whose markers are found in all trials or in none, by a known probability."""
     room = scenes.load(ROOM_FILE)
     bank = held_out_views(room, BankDesign(settings=6, turns=1), "r")
-    state, look = room.state, room.appearance()
-    views = Views(list(bank.cameras), state.points_m, state.normals, look)
+    state, target_appearance = room.state, room.appearance()
+    views = Views(list(bank.cameras), state.points_m, state.normals, target_appearance)
     chance = np.where(
         visible_in(views, state.occluders, TARGET_VISIBILITY), DetectionModel(RAMP, room.sensor).probability(views), 0.0
     )
@@ -36,7 +36,7 @@ def world():
     pixels = np.where(found[:, None, :, None], 1.0, np.nan) * np.ones((1, 4, 1, 2))
     covariance = np.broadcast_to(np.eye(2), (*pixels.shape, 2))
     data = BankData(bank.cameras, state.points_m, pixels, covariance, RandomWalk(), 1)
-    return bank, data, Acquired(appearances={state_key(state): look}), chance
+    return bank, data, Acquired(appearances={state_key(state): target_appearance}), chance
 
 
 def test_the_true_probability_is_reliable_and_scores_better_than_what_is_seen(world):
@@ -67,12 +67,12 @@ def test_the_true_probability_is_reliable_and_scores_better_than_what_is_seen(wo
 def test_the_full_model_counts_with_the_fitted_probability(world):
     """Its predictions are those of `evaluate` with what is fitted; without a fit it keeps to the limits."""
     bank, _, acquired, _ = world
-    scene, (look,) = bank.scene, acquired.appearances.values()
+    scene, (target_appearance,) = bank.scene, acquired.appearances.values()
     limits = {"smallest_module_px": 2.0, "largest_blur_modules": 1.0}
     calibration = Calibration("calibrated", {"brightness-contrast": 1.1}, {}, limits, {}, RAMP)
     (full,) = (c for c in scene_contenders(scene, calibration) if c.name == FULL_MODEL)
     chosen = np.array([[0, 7, 13, 20]])
-    found = predictions(bank, [full], chosen, look)[0][FULL_MODEL]
+    found = predictions(bank, [full], chosen, target_appearance)[0][FULL_MODEL]
     truth = evaluate(
         [bank.cameras[view] for view in chosen[0]],
         scene.state.points_m,
@@ -80,7 +80,7 @@ def test_the_full_model_counts_with_the_fitted_probability(world):
         noise=noise_model("physical", sensor=scene.sensor).weighted({"brightness-contrast": 1.1}),
         process=scene.process,
         occluder=scene.state.occluders,
-        appearance=look,
+        appearance=target_appearance,
         detection=DetectionModel(RAMP, scene.sensor),
     )
     assert 0 < truth.found.max() < 1
@@ -106,8 +106,8 @@ def test_the_fit_of_a_bank_finds_the_probability(world):
             return data.pixels, data.covariance
 
     fitted = detection_of([Bank], acquired, 1)
-    state, (look,) = bank.scene.state, acquired.appearances.values()
-    views = Views(list(bank.cameras), state.points_m, state.normals, look)
+    state, (target_appearance,) = bank.scene.state, acquired.appearances.values()
+    views = Views(list(bank.cameras), state.points_m, state.normals, target_appearance)
     again = np.where(chance > 0, DetectionModel(fitted.coefficients, bank.scene.sensor).probability(views), 0.0)
     assert again.sum() == pytest.approx(data.detected.mean(axis=1).sum(), rel=0.01)
     assert np.abs(again - chance).mean() < 0.02

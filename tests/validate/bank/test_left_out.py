@@ -38,9 +38,9 @@ def test_a_bank_leaves_the_failed_view_out_with_both_its_renders(monkeypatch, ca
     assert kept_training.views == training.views
     assert kept.views == held_out.views[:3] + held_out.views[4:]
     assert enough(kept_training, kept, 4, messages)
-    said = capsys.readouterr().err
-    assert CAUSE in said
-    assert "room, held out: 1 of 14 views left out" in said
+    output = capsys.readouterr().err
+    assert CAUSE in output
+    assert "room, held out: 1 of 14 views left out" in output
     assert not enough(training, held_out, len(scene.cameras) + 1, messages)
     assert not enough(training.without([v.renders[0].request.key for v in training.views]), held_out, 4, messages)
     assert "no tables of room" in capsys.readouterr().err
@@ -53,9 +53,9 @@ class _Scene:
         self.state, self.noise_models = state, scene.noise_models
 
 
-def _acquired(wanted, failed):
+def _acquired(requested_views, failed):
     scene = scenes.load(load_schedule("hallway").scene_path)
-    found = acquired_of([(_Scene(scene, item.request.state), [item]) for item in wanted])
+    found = acquired_of([(_Scene(scene, item.request.state), [item]) for item in requested_views])
     found.failed = dict.fromkeys(failed, CAUSE)
     found.measured = {i: m for i, m in found.measured.items() if i.request.key not in found.failed}
     return found
@@ -71,12 +71,12 @@ def test_a_schedule_leaves_out_the_runs_that_need_a_failed_view(tmp_path, monkey
         designs.append(design_of(*arguments))
         return designs[-1]
 
-    def acquire(source, wanted):
+    def acquire(source, requested_views):
         (design,) = designs
         free, held_back = ({item.request.key for views in of_run for item in views} for of_run in design.views)
         chosen_keys = {"none": set(), "of one run": held_back - free, "of every run": held_back & free}[which]
         assert which == "none" or chosen_keys
-        return _acquired(wanted, sorted(chosen_keys)[:1])
+        return _acquired(requested_views, sorted(chosen_keys)[:1])
 
     monkeypatch.setattr(schedule, "design_of", remembered)
     monkeypatch.setattr(ViewSource, "acquire", acquire)
@@ -85,16 +85,16 @@ def test_a_schedule_leaves_out_the_runs_that_need_a_failed_view(tmp_path, monkey
     of_run = StepOptions(store=str(tmp_path / "store"), set=FEW, quiet=True)
     code = schedule.execute(Schedule(out=tmp_path / "out", real_walk=False, report=False, run=of_run))
     printed = capsys.readouterr()
-    said = json.loads((tmp_path / "out" / "run.json").read_text())
+    output = json.loads((tmp_path / "out" / "run.json").read_text())
     assert code == (EXIT_DONE if which == "none" else EXIT_FAILED)
     assert printed.out.count("\n") == 1
     assert str(tmp_path / "out") in printed.out
     assert bool(printed.err) == (which != "none")
-    assert list(said["failed"].values()) == [CAUSE] * (which != "none")
+    assert list(output["failed"].values()) == [CAUSE] * (which != "none")
     labels = {"none": ["follow none", "follow x2"], "of one run": ["follow none"], "of every run": []}[which]
     if not labels:
         assert "no tables" in printed.err
-        assert said["tables"] == []
+        assert output["tables"] == []
         assert not (tmp_path / "out" / "runs.csv").exists()
         return
     table = (tmp_path / "out" / "configurations.csv").read_text()

@@ -196,10 +196,11 @@ def test_the_installed_command_is_the_script():
     for arguments, code in ((["--help"], 0), (["figurs"], 2)):
         there = subprocess.run([*program, *arguments], cwd=ROOT, capture_output=True, text=True, check=False)
         here = run_script(*arguments)
-        said = [text.replace("run_sweep.py", program[0].rpartition("/")[2]) for text in (here.stdout, here.stderr)]
+        name = program[0].rpartition("/")[2]
+        output = [text.replace("run_sweep.py", name) for text in (here.stdout, here.stderr)]
         if program is written:
-            said = [here.stdout, here.stderr]
-        assert (there.returncode, there.stdout, there.stderr) == (here.returncode, *said)
+            output = [here.stdout, here.stderr]
+        assert (there.returncode, there.stdout, there.stderr) == (here.returncode, *output)
         assert here.returncode == code
 
 

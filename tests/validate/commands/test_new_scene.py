@@ -94,6 +94,6 @@ def test_a_name_is_no_path(tmp_path, name):
 def test_the_command_says_what_to_do_next(tmp_path, capsys):
     """The two commands that follow, with the files' own names."""
     assert main(["new-scene", "loft", "--out", str(tmp_path)]) == 0
-    said = capsys.readouterr().out
-    assert f"check {tmp_path / 'loft.toml'}" in said
-    assert f"run_sweep.py {tmp_path / 'loft-sweep.toml'}" in said
+    output = capsys.readouterr().out
+    assert f"check {tmp_path / 'loft.toml'}" in output
+    assert f"run_sweep.py {tmp_path / 'loft-sweep.toml'}" in output

@@ -175,9 +175,9 @@ def renamed(folder, sweep, scene=None):
     for path in folder.glob("*.csv"):
         text = path.read_text()
         path.write_text("\n".join(re.sub(r"^zoom,", f"{sweep},", line) for line in text.splitlines()) + "\n")
-    said = json.loads((folder / "run.json").read_text())
-    scenes = {sweep: scene or said["scenes"]["zoom"]}
-    (folder / "run.json").write_text(json.dumps(said | {"scenes": scenes, "sweeps": {sweep: {"seed": 1}}}))
+    record = json.loads((folder / "run.json").read_text())
+    scenes = {sweep: scene or record["scenes"]["zoom"]}
+    (folder / "run.json").write_text(json.dumps(record | {"scenes": scenes, "sweeps": {sweep: {"seed": 1}}}))
     return folder
 
 

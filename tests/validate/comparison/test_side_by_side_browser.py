@@ -65,13 +65,13 @@ def test_choices_draw_the_figures_anew(browser, select, value, figures):
     other = next(o.get_attribute("value") for o in control.options if o.get_attribute("value") != value)
     control.select_by_value(other)
     plots = [drawn(browser, f"{figure} .plot") for figure in figures]
-    said = {plot: plot.get_attribute("aria-label") for plot in plots}
+    labels = {plot: plot.get_attribute("aria-label") for plot in plots}
     shown(browser, select)
     control.select_by_value(value)
     words = control.first_selected_option.text
     for plot in plots:
         browser.execute_script("arguments[0].scrollIntoView({block: 'center', behavior: 'instant'})", plot)
-        until(browser, lambda d, plot=plot: plot.get_attribute("aria-label") != said[plot])
+        until(browser, lambda d, plot=plot: plot.get_attribute("aria-label") != labels[plot])
         assert words in plot.get_attribute("aria-label")
 
 
@@ -89,18 +89,18 @@ def test_a_noise_model_that_does_not_see_the_change_stands_at_one(browser):
 
 def test_everything_is_reached_by_keyboard_and_shows_where_it_is(browser):
     browser.execute_script("window.scrollTo(0, 0); document.activeElement.blur();")
-    wanted, seen = {"pair", "model", "other", "step", "by_noise_model"}, set()
+    requested, seen = {"pair", "model", "other", "step", "by_noise_model"}, set()
     for _ in range(80):
         browser.switch_to.active_element.send_keys(Keys.TAB)
         element = browser.switch_to.active_element
         seen.add(element.get_attribute("data-choice"))
         if element.tag_name in ("select", "summary", "a"):
             assert browser.execute_script("return getComputedStyle(arguments[0]).outlineStyle", element) != "none"
-        if wanted <= seen and element.tag_name == "summary":
+        if requested <= seen and element.tag_name == "summary":
             element.send_keys(Keys.ENTER)
             assert browser.execute_script("return arguments[0].parentElement.open", element)
             return
-    raise AssertionError(wanted - seen)
+    raise AssertionError(requested - seen)
 
 
 def test_it_fits_a_narrow_screen(browser, compared):

@@ -85,12 +85,12 @@ def test_the_folded_tables_have_every_matched_number(made, name):
         for side in made.sides[1:]:
             columns += [side.label, f"{side.label}_{what}"]
         for line, row in zip(lines, rows, strict=True):
-            for said, column in zip(line[-len(columns) :], columns, strict=True):
-                wanted = [row[f"{column}{end}"] for end in ("", "_ci_low", "_ci_high") if f"{column}{end}" in row]
-                numbers = [float(n) for n in re.findall(r"-?\d+\.?\d*(?:e[+-]\d+)?", said)]
-                assert numbers == [float(f"{value:.3g}") for value in wanted if not math.isnan(value)]
+            for output, column in zip(line[-len(columns) :], columns, strict=True):
+                requested = [row[f"{column}{end}"] for end in ("", "_ci_low", "_ci_high") if f"{column}{end}" in row]
+                numbers = [float(n) for n in re.findall(r"-?\d+\.?\d*(?:e[+-]\d+)?", output)]
+                assert numbers == [float(f"{value:.3g}") for value in requested if not math.isnan(value)]
                 star = column.endswith(what) and row.get(f"{column.removesuffix(f'_{what}')}_apart") == "yes"
-                assert said.endswith(" *") is star
+                assert output.endswith(" *") is star
 
 
 def test_the_curves_have_the_matched_ratios(made):

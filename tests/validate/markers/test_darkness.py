@@ -75,9 +75,9 @@ def test_contrast_over_noise_by_hand():
     """Photons through the lens, one by one factor, on the axis of a camera that looks at the marker straight on."""
     scene = bench()
     camera = PTZCamera((0.0, -2.0, 1.0), 0, 0, focus_distance_m=2.0)
-    look = dataclasses.replace(estimated_appearance(scene.state).at(np.array([0])), white_w_per_m2_sr=0.1)
-    look = dataclasses.replace(look, black_w_per_m2_sr=0.01)
-    views = Views([camera], np.array([[0.0, 0.0, 1.0]]), np.array([[0.0, -1.0, 0.0]]), look)
+    target_appearance = dataclasses.replace(estimated_appearance(scene.state).at(np.array([0])), white_w_per_m2_sr=0.1)
+    target_appearance = dataclasses.replace(target_appearance, black_w_per_m2_sr=0.01)
+    views = Views([camera], np.array([[0.0, 0.0, 1.0]]), np.array([[0.0, -1.0, 0.0]]), target_appearance)
     s = scene.sensor
     solid_angle = np.pi / 4 * (camera.aperture_diameter_m / camera.image_distance_m) ** 2
     joules = solid_angle * camera.pixel_pitch_m**2 * s.exposure_ms * 1e-3
@@ -91,12 +91,17 @@ def test_contrast_over_noise_by_hand():
 def test_legible_targets_need_light_where_a_sensor_is_known():
     """In a hundredth of a thousandth of the exposure none is; without a sensor nothing is asked."""
     scene = bench()
-    state, look = scene.state, estimated_appearance(scene.state)
+    state, target_appearance = scene.state, estimated_appearance(scene.state)
 
     def seen(sensor):
         tests = (*visibility_tests("target"), Legible(1.0, 2.0, sensor=sensor))
         return evaluate(
-            scene.cameras, state.points_m, state.normals, occluder=state.occluders, appearance=look, visibility=tests
+            scene.cameras,
+            state.points_m,
+            state.normals,
+            occluder=state.occluders,
+            appearance=target_appearance,
+            visibility=tests,
         ).visible
 
     assert seen(scene.sensor).any()
@@ -139,19 +144,19 @@ def test_check_has_nothing_against_the_shipped_scenes():
 
 def test_a_run_warns_of_views_in_the_dark():
     """From the solved light of each state, view by view; bright ones are not counted."""
-    scene, acquired, wanted = bench(), Acquired(), []
+    scene, acquired, requested = bench(), Acquired(), []
     acquired.appearances[state_key(scene.state)] = estimated_appearance(scene.state)
     for sensor in (scene.sensor, dataclasses.replace(scene.sensor, exposure_ms=scene.sensor.exposure_ms * 1e-5)):
         for camera in scene.cameras[:2]:
-            wanted.append(Acquisition(ViewRequest(scene.state, camera, sensor, Sampling(), "none"), 1, 2))
+            requested.append(Acquisition(ViewRequest(scene.state, camera, sensor, Sampling(), "none"), 1, 2))
     lines: list[str] = []
-    warn_of_darkness(wanted, acquired, lines.append, view_names(wanted))
+    warn_of_darkness(requested, acquired, lines.append, view_names(requested))
     [line] = lines
     assert line.startswith("2 of 4 views are too dark; the worst is the view of camera ")
     assert "lux at" in line
     assert "markers are found from 2" in line
     lines.clear()
-    warn_of_darkness(wanted[:2], acquired, lines.append, view_names(wanted))
+    warn_of_darkness(requested[:2], acquired, lines.append, view_names(requested))
     assert not lines
 
 
@@ -163,12 +168,12 @@ def test_the_report_blames_light_only_where_it_is_light(exposure, cause, tmp_pat
     monkeypatch.setattr(made_up, "FOUND", 0.0)
     scene = SCENE.replace("exposure_ms = 2.0", f"exposure_ms = {exposure}")
     made_up_scene = load_scene_of(tmp_path, scene)
-    look = estimated_appearance(made_up_scene.state)
+    target_appearance = estimated_appearance(made_up_scene.state)
     real = made_up.Acquired
 
     def lit():
         acquired = real()
-        acquired.appearances[state_key(made_up_scene.state)] = look
+        acquired.appearances[state_key(made_up_scene.state)] = target_appearance
         return acquired
 
     monkeypatch.setattr(made_up, "Acquired", lit)
@@ -176,9 +181,9 @@ def test_the_report_blames_light_only_where_it_is_light(exposure, cause, tmp_pat
     [row] = detection_rows(results)
     assert row["visible_missed"] > 0
     assert row["visible_missed_too_dark"] == (row["visible_missed"] if "dark" in cause else 0)
-    [said] = [line for line in remarks(read_sweeps(tmp_path / "run")[0]) if "were not found" in line]
-    assert cause in said
-    assert ("too dark" in said) == ("too dark" in cause)
+    [output] = [line for line in remarks(read_sweeps(tmp_path / "run")[0]) if "were not found" in line]
+    assert cause in output
+    assert ("too dark" in output) == ("too dark" in cause)
 
 
 def load_scene_of(folder, text):

@@ -75,13 +75,13 @@ def rows(made, name):
 def test_the_numbers_of_the_verdict_are_those_of_the_tables(made):
     """Each row of the verdict, read off the page, against correlation.csv and configurations.csv read anew."""
     body = made.text.split('<table id="verdicts">')[1].split("<tbody>")[1].split("</tbody>")[0]
-    said = [
+    expected = [
         [re.sub(r"<.*?>", "", cell) for cell in re.findall(r"<t[hd].*?</t[hd]>", row)] for row in body.split("<tr")[1:]
     ]
-    assert len(said) == 2 * 2 * 2
+    assert len(expected) == 2 * 2 * 2
     words = {"single frame": ("pss-single-frame", "pss_single_frame", "measured_pss_single_frame")}
     words["filter"] = ("pss", "pss", "measured_pss_filter")
-    for sweep, model, kind, rho, _, chosen, best, regret in said:
+    for sweep, model, kind, rho, _, chosen, best, regret in expected:
         metric, predicted, measured = words[kind]
         [row] = [
             r
@@ -94,8 +94,8 @@ def test_the_numbers_of_the_verdict_are_those_of_the_tables(made):
         highest = max(of, key=lambda r: float(r[measured]))["value"]
         assert best == ("flat" if row["measured_flat"] == "yes" else highest)
         numbers = [float(x) for x in re.findall(r"[+-]\d\.\d\d", rho.replace("−", "-"))]
-        wanted = [row[name] for name in ("spearman", "spearman_ci_low", "spearman_ci_high")]
-        assert numbers == [round(float(x), 2) for x in wanted if x]
+        requested = [row[name] for name in ("spearman", "spearman_ci_low", "spearman_ci_high")]
+        assert numbers == [round(float(x), 2) for x in requested if x]
         if row["regret"]:
             assert regret.startswith(f"{100 * float(row['regret']):.1f} %")
         else:
@@ -189,11 +189,11 @@ def test_tables_come_back_as_they_were_written(made):
         for kind, single in zip(KINDS, (True, False), strict=True):
             np.testing.assert_allclose(table.measured_pss(kind).values, result.measured_pss(single), rtol=SAME_DIGITS)
             for model in table.models:
-                wanted = result.predicted_pss(model, single)
-                np.testing.assert_allclose(table.predicted_pss(model, kind).values, wanted, rtol=SAME_DIGITS)
+                requested = result.predicted_pss(model, single)
+                np.testing.assert_allclose(table.predicted_pss(model, kind).values, requested, rtol=SAME_DIGITS)
         for step, assessment in enumerate(result.assessments):
-            wanted = assessment.predicted["corrected"].sigma_m * 1000
-            np.testing.assert_allclose(table.predicted_mm("corrected", KINDS[1])[step], wanted, rtol=SAME_DIGITS)
+            requested = assessment.predicted["corrected"].sigma_m * 1000
+            np.testing.assert_allclose(table.predicted_mm("corrected", KINDS[1])[step], requested, rtol=SAME_DIGITS)
             np.testing.assert_allclose(
                 table.measured_mm(KINDS[0])[step], assessment.measured.errors.sigma_m * 1000, rtol=SAME_DIGITS
             )
@@ -206,9 +206,9 @@ def test_the_error_budget_multiplies_to_measured_over_predicted(made):
         for columns, row in zip(budget_columns(table), of, strict=True):
             *factors, total = columns["factors|corrected"]
             names = ("visibility", "noise_model", "detector", "geometry")
-            wanted = [float(row[f"budget_{name}"] or "nan") for name in names]
+            requested = [float(row[f"budget_{name}"] or "nan") for name in names]
             drawn = [math.nan if factor is None else factor for factor in factors]
-            assert drawn == pytest.approx(wanted, rel=DRAWN_DIGITS * 10, nan_ok=True)
+            assert drawn == pytest.approx(requested, rel=DRAWN_DIGITS * 10, nan_ok=True)
             if None in factors:
                 continue
             measured, predicted = float(row["measured_pss_single_frame"]), float(row["pss_single_frame"])
@@ -294,8 +294,8 @@ def test_the_ellipsoids_are_the_predicted_covariances(made):
     """The roots that the page draws from, multiplied out, against C itself."""
     table, steps = made.tables[0], made.steps[0]
     for columns, assessment in zip(scene_columns(table, steps), made.results[0].assessments, strict=True):
-        wanted = assessment.predicted["corrected"].single_frame_covariance * 1e6
-        for root, covariance in zip(columns["root|single|corrected"], wanted, strict=True):
+        requested = assessment.predicted["corrected"].single_frame_covariance * 1e6
+        for root, covariance in zip(columns["root|single|corrected"], requested, strict=True):
             if root[0] is None:
                 assert np.isnan(covariance).any()
                 continue

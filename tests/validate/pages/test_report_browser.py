@@ -84,7 +84,7 @@ def test_the_slider_moves_all_figures_and_pictures_by_keyboard(browser):
     slider.send_keys(Keys.HOME)
     label = browser.find_element(By.CSS_SELECTOR, "#sweep-1 [data-label]")
     assert label.text == "zoom=1.5"
-    said = "return arguments[0].getAttribute('aria-label')"
+    script = "return arguments[0].getAttribute('aria-label')"
     plots = [drawn(browser, f"#sweep-1 [data-figure={name}] .plot") for name in ("points", "budget", "scene")]
     before = [browser.execute_script("return JSON.stringify(arguments[0].data)", plot) for plot in plots]
     picture = shown(browser, "#sweep-1 [data-img]")
@@ -94,7 +94,7 @@ def test_the_slider_moves_all_figures_and_pictures_by_keyboard(browser):
     assert slider.get_attribute("aria-valuetext") == "zoom=3"
     for plot, old in zip(plots, before, strict=True):
         browser.execute_script("arguments[0].scrollIntoView({block: 'center', behavior: 'instant'})", plot)
-        until(browser, lambda d, plot=plot: "zoom=3" in d.execute_script(said, plot))
+        until(browser, lambda d, plot=plot: "zoom=3" in d.execute_script(script, plot))
         assert browser.execute_script("return JSON.stringify(arguments[0].data)", plot) != old
     shown(browser, "#sweep-1 [data-images]")
     until(browser, lambda d: "zoom=3" in picture.get_attribute("alt"))
@@ -177,7 +177,7 @@ def test_a_marker_has_its_ellipsoid_lines_and_words(browser):
     count = browser.execute_script("return arguments[0].data.length", plot)
     Select(shown(browser, "#sweep-1 [data-marker]")).select_by_value("5")
     until(browser, lambda d: d.execute_script("return arguments[0].data.length", plot) > count)
-    words = browser.find_element(By.CSS_SELECTOR, "#sweep-1 [data-said]").text
+    words = browser.find_element(By.CSS_SELECTOR, "#sweep-1 [data-description]").text
     assert "marker 5 on board" in words
     assert "ellipsoid" in words
     # The page multiplies the root out itself. The mesh begins and ends with opposite points; the farthest from the
@@ -211,16 +211,16 @@ def test_pictures_are_flicked_through_with_the_arrow_keys(browser):
 
 def test_everything_is_reached_by_tabulator_and_its_focus_is_seen(browser):
     browser.execute_script("window.scrollTo(0, 0); document.activeElement.blur()")
-    wanted = {"data-step", "data-marker", "data-camera", "data-over"}
+    requested = {"data-step", "data-marker", "data-camera", "data-over"}
     for _ in range(120):
         browser.switch_to.active_element.send_keys(Keys.TAB)
         element = browser.switch_to.active_element
-        wanted -= {name for name in wanted if element.get_attribute(name) is not None}
+        requested -= {name for name in requested if element.get_attribute(name) is not None}
         if element.tag_name in ("select", "input", "button", "a"):
             assert browser.execute_script("return getComputedStyle(arguments[0]).outlineStyle", element) != "none"
-        if not wanted:
+        if not requested:
             break
-    assert not wanted
+    assert not requested
 
 
 def test_it_fits_a_narrow_screen(browser):

@@ -49,15 +49,15 @@ def opened(monkeypatch):
 def leave(folder: Path, **options: str) -> Path:
     """A run.json as a run leaves it, of the project's zoom sweep unless `options` has others."""
     base = {"sweeps": "('zoom',)", "scene": "None", "store": DEFAULT_STORE, "set": "()", "variant": "None"}
-    said = {"options": base | {"trials": "None", "seed": "None"} | options, "sweeps": {}, "scenes": {}}
-    (folder / "run.json").write_text(json.dumps(said))
+    record = {"options": base | {"trials": "None", "seed": "None"} | options, "sweeps": {}, "scenes": {}}
+    (folder / "run.json").write_text(json.dumps(record))
     return folder
 
 
 def leave_schedule(folder: Path, **options: str) -> Path:
     base = {"schedule": "hallway", "scene": "None", "store": DEFAULT_STORE, "overrides": "[]", "variant": "None"}
-    said = {"options": base | {"strategy": "()"} | options, "schedule": {}, "scene": {}, "failed": {}}
-    (folder / "run.json").write_text(json.dumps(said))
+    record = {"options": base | {"strategy": "()"} | options, "schedule": {}, "scene": {}, "failed": {}}
+    (folder / "run.json").write_text(json.dumps(record))
     return folder
 
 

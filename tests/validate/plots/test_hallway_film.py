@@ -39,7 +39,7 @@ LOST_LEVELS = 4.5
 
 def a_frame(**changes) -> FilmFrame:
     """Black views, and two avatars on their way."""
-    said = {
+    record = {
         "step": 4,
         "time_s": 1.25,
         "cameras": CAMERAS,
@@ -50,7 +50,7 @@ def a_frame(**changes) -> FilmFrame:
         "headings_deg": {"H1": 0.0, "H2": 180.0},
         "expected_m": {},
     }
-    return FilmFrame(**(said | changes))
+    return FilmFrame(**(record | changes))
 
 
 def drawn(walked_m=None, **changes) -> np.ndarray:

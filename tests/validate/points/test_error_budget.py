@@ -77,9 +77,9 @@ def test_views_that_find_nothing_are_lost_visibility():
     factors, _, predicted = budget(blind=(2,))
     given = {"noise": NoiseModel("given", (IdentityNoise(PIXEL_NOISE_PX**2),)), "visibility": ()}
     of_two = evaluate(CAMERAS[:2], POINTS_M, NORMALS, **given)
-    wanted = of_two.pss_single_frame / predicted.pss_single_frame
-    assert wanted < 0.9
-    assert factors["visibility"] == pytest.approx(wanted, rel=1e-9)
+    requested = of_two.pss_single_frame / predicted.pss_single_frame
+    assert requested < 0.9
+    assert factors["visibility"] == pytest.approx(requested, rel=1e-9)
     for name in ("noise_model", "detector"):
         assert factors[name] == pytest.approx(1, rel=CHANCE)
 

@@ -41,16 +41,16 @@ def world():
     points = rng.uniform((-0.8, 0.2, 0.6), (0.8, 1.6, 1.8), size=(1000, 3))
     normals = np.array([0.2, -1.0, 0.1]) + 0.4 * rng.standard_normal((1000, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    look = pss.Appearance(rng.uniform(0.005, 0.03, size=1000), np.full(1000, 0.02), np.full(1000, 0.001))
-    return points, normals, look
+    target_appearance = pss.Appearance(rng.uniform(0.005, 0.03, size=1000), np.full(1000, 0.02), np.full(1000, 0.001))
+    return points, normals, target_appearance
 
 
 @pytest.fixture(scope="module")
 def all_cells(world):
-    points, normals, look = world
+    points, normals, target_appearance = world
     view, point = (part.ravel() for part in np.meshgrid([0, 1], np.arange(len(points)), indexing="ij"))
     empty = PixelMoments(np.zeros((len(view), 2, 2)), np.full(len(view), 20), view, point)
-    return empty, factor_covariances(CAMERAS, points, normals, look, SENSOR, empty)
+    return empty, factor_covariances(CAMERAS, points, normals, target_appearance, SENSOR, empty)
 
 
 def moments_of(model: np.ndarray, empty: PixelMoments, seed: int) -> PixelMoments:
@@ -120,10 +120,10 @@ def test_blunders_are_left_out_and_counted(all_cells):
 
 def test_a_scale_is_found_again_and_is_the_likeliest(world, all_cells):
     """Data of 1e-5 of the paper's R: the scale comes back, from the closed form as from the search over weights."""
-    points, normals, look = world
+    points, normals, target_appearance = world
     empty, _ = all_cells
     model = noise_model("as-printed")
-    covariance = model_covariance(model, Views(list(CAMERAS), points, normals, look), empty)
+    covariance = model_covariance(model, Views(list(CAMERAS), points, normals, target_appearance), empty)
     for index in (0, 999, 1500):
         alone = model.covariance(CAMERAS[index // 1000], points[[index % 1000]], normals[[index % 1000]])
         np.testing.assert_allclose(covariance[index], alone[0], rtol=1e-12)
@@ -172,7 +172,7 @@ def test_moments_of_residuals():
 
 def test_a_file_gives_the_same_model(tmp_path, world):
     """Written, and read by its path: the same covariances, with the scene's own sensor; provenance comes back."""
-    points, normals, look = world
+    points, normals, target_appearance = world
     weights = {"brightness-contrast": 1.1, "floor": 3.3e-5, "relative-defocus": 0.0, "module-size": 1e-3}
     scales = {"as-printed": 1.5e-5, "corrected": 8e-6, "identity": 0.002}
     calibration = Calibration("mine", weights, {"scene": 'a "room"', "views": 60, "deviance": -9.25}, scales=scales)
@@ -183,19 +183,19 @@ def test_a_file_gives_the_same_model(tmp_path, world):
     model = noise_model(path, sensor=other)
     assert model.name == "mine"
     assert [factor.name for factor in model.factors] == ["brightness-contrast", "floor", "module-size"]
-    views = Views(list(CAMERAS), points, normals, look)
+    views = Views(list(CAMERAS), points, normals, target_appearance)
     expected = sum(
         weight * calibration_factor(name, other).covariance(views).matrix(2, len(points))
         for name, weight in weights.items()
     )
     np.testing.assert_allclose(model.of_views(views).matrix(2, len(points)), expected, rtol=1e-12)
-    evaluation = pss.evaluate(CAMERAS, points, normals, noise=noise_model(str(path)), appearance=look)
+    evaluation = pss.evaluate(CAMERAS, points, normals, noise=noise_model(str(path)), appearance=target_appearance)
     assert isinstance(evaluation.task.noise, NoiseModel)
     assert evaluation.pss > 0
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("weights = 3", "weights = 3; allowed: a table of"),
         ("[weights]\nfloor = -1.0", "weights.floor = -1.0; allowed: 0 or more"),
@@ -211,13 +211,13 @@ def test_a_file_gives_the_same_model(tmp_path, world):
         ("weights = [", "line 1, column 12: Invalid value"),
     ],
 )
-def test_a_wrong_file_is_one_line(tmp_path, text, said):
+def test_a_wrong_file_is_one_line(tmp_path, text, message):
     """Key, value, what is allowed, and where."""
     path = tmp_path / "wrong.toml"
     path.write_text(text)
     with pytest.raises(RangeError) as caught:
         noise_model(path)
-    assert said in str(caught.value)
+    assert message in str(caught.value)
     assert str(path) in str(caught.value)
 
 
@@ -234,8 +234,8 @@ def test_a_missing_file_and_a_wrong_name():
 def test_relative_factors_by_hand():
     """A marker of 20 mm that faces the camera 4 m away: its module in px, and the circle of confusion over it."""
     camera = PTZCamera((0, 0, 1), 0, 0, zoom=4, focus_distance_m=2.0)
-    look = pss.Appearance(np.array([0.02]), np.array([0.1]), np.array([0.01]))
-    views = Views([camera], np.array([[0.0, 4.0, 1.0]]), np.array([[0.0, -1.0, 0.0]]), look)
+    target_appearance = pss.Appearance(np.array([0.02]), np.array([0.1]), np.array([0.01]))
+    views = Views([camera], np.array([[0.0, 4.0, 1.0]]), np.array([[0.0, -1.0, 0.0]]), target_appearance)
     module_px = 0.02 * camera.focal_px / 4
     blur_px = camera.circle_of_confusion_px(np.array([[0.0, 4.0, 1.0]]))[0]
     for name, expected in (("module-size", module_px**-2), ("relative-defocus", (blur_px / module_px) ** 2)):

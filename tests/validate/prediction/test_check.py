@@ -118,11 +118,11 @@ def test_the_estimated_light_is_near_the_solved_one():
 def test_a_scene_gives_the_appearance_that_physical_and_calibrated_models_ask_for():
     """docs/own-noise.md: from a diffuse marker of albedo ρ leaves ρE/π."""
     scene = bench()
-    look = scene.appearance()
+    target_appearance = scene.appearance()
     white = scene.state.print.white_albedo / np.pi * estimated_irradiance(scene.state)
-    np.testing.assert_allclose(look.white_w_per_m2_sr, white)
+    np.testing.assert_allclose(target_appearance.white_w_per_m2_sr, white)
     points, normals = scene.state.points_m, scene.state.normals
-    evaluation = pss.evaluate(scene.cameras, points, normals, noise="physical", appearance=look)
+    evaluation = pss.evaluate(scene.cameras, points, normals, noise="physical", appearance=target_appearance)
     assert evaluation.observable.any()
 
 

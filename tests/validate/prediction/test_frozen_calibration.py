@@ -29,23 +29,23 @@ ROUNDING = 1e-6
 @pytest.fixture
 def judged(tmp_path, monkeypatch):
     """Judge with a calibration's file in the studio, from drawn detections: tables, run.json, and the views wanted."""
-    wanted = []
+    requested_views = []
 
     def acquire(items, *_):
-        wanted.extend(items)
+        requested_views.extend(items)
         return acquired_of([(scenes.load(SCENES / "studio.toml"), list(items))])
 
     monkeypatch.setattr(prepare, "acquire", acquire)
     monkeypatch.setattr(bank, "COUNTS", (bank.HEADLINE,))
 
     def judge(file, *more):
-        wanted.clear()
+        requested_views.clear()
         out = tmp_path / f"out {file.stem}"
         arguments = ("--settings", "1", "--configurations", "5", "--trials", "4", "--turns", "1", "--quiet")
         places = ("--scene", str(SCENES / "studio.toml"), "--calibration", str(file), "--out", str(out))
         code = run_sweep.main(["bank", *places, "--store", str(tmp_path / "store"), *arguments, *more])
         assert code == 0
-        return out, json.loads((out / "run.json").read_text()), list(wanted)
+        return out, json.loads((out / "run.json").read_text()), list(requested_views)
 
     return judge
 
@@ -59,10 +59,10 @@ def pixel_nees(out, model):
 @pytest.mark.acceptance  # judges twice
 def test_only_what_is_judged_is_wanted_and_the_file_is_what_is_judged(judged, tmp_path):
     """Two files, R and four times R: NEES is a fourth, and nothing else of the pixels is another number."""
-    out, run, wanted = judged(FILE)
+    out, run, requested_views = judged(FILE)
     design = BankDesign(settings=1, trials=4, turns=1)
-    held_out = held_out_views(scenes.load(SCENES / "studio.toml"), design, wanted[0].request.renderer)
-    assert [item.request.key for item in wanted] == [item.request.key for item in held_out.wanted]
+    held_out = held_out_views(scenes.load(SCENES / "studio.toml"), design, requested_views[0].request.renderer)
+    assert [item.request.key for item in requested_views] == [item.request.key for item in held_out.requested]
     assert list(run["scenes"]) == ["studio.toml"]
     assert (out / "leaderboard.csv").exists()
     assert not list(out.glob("*-leaderboard.csv"))
@@ -85,16 +85,16 @@ def test_only_what_is_judged_is_wanted_and_the_file_is_what_is_judged(judged, tm
 def test_a_second_room_is_judged_only_if_it_is_named(tmp_path, capsys):
     arguments = ["bank", "--scene", str(SCENES / "studio.toml"), "--dry-run", "--store", str(tmp_path / "store")]
     arguments += ["--out", str(tmp_path / "out"), "--settings", "1"]
-    said = []
+    output = []
     for more in ([], ["--calibration", str(FILE)]):
         assert run_sweep.main([*arguments, *more]) == 0
-        said.append(capsys.readouterr().out)
+        output.append(capsys.readouterr().out)
     assert run_sweep.main([*arguments, "--calibration", str(FILE), "--second-scene", str(SCENES / "atrium.toml")]) == 0
-    said.append(capsys.readouterr().out)
+    output.append(capsys.readouterr().out)
     assert run_sweep.main([*arguments, "--set", "sensor.exposure_ms=2"]) == 0
-    said.append(capsys.readouterr().out)
+    output.append(capsys.readouterr().out)
     roles = ("studio, training", "studio, detection", "studio, held out", "atrium, held out")
-    assert [[role in text for role in roles] for text in said] == [
+    assert [[role in text for role in roles] for text in output] == [
         [True, True, True, True],
         [False, False, True, False],
         [False, False, True, True],

@@ -14,7 +14,7 @@ from pss.noise.calibrated import Calibration
 from pss.visibility.points import VISIBILITY_TESTS
 from pss.visibility.targets import TARGET_VISIBILITY
 from scenes import SceneError
-from validate.bank.judge import FREE_MODELS, asked_pairs, check_models, judged, scene_contenders
+from validate.bank.judge import FREE_MODELS, check_models, judged, requested_pairs, scene_contenders
 from validate.bank.sensitivity import variants
 from validate.commands import bank, schedule
 from validate.commands.calibration_error import without_effect
@@ -76,10 +76,10 @@ def test_scaled_models_are_the_scenes_own_times_one_number():
             scaled.noise.covariance(*where), scale * literal.noise.covariance(*where), rtol=ROUNDING
         )
         assert scaled.visibility == literal.visibility
-        assert (f"{name}, scaled", "pss") in asked_pairs(list(found.values()))
+        assert (f"{name}, scaled", "pss") in requested_pairs(list(found.values()))
     plain = [each.name for each in scene_contenders(scene, dataclasses.replace(CALIBRATION, scales={}))]
     assert plain == [name for name in found if not name.endswith("scaled")]
-    assert {name for name, _ in asked_pairs(list(found.values()))} == set(found)
+    assert {name for name, _ in requested_pairs(list(found.values()))} == set(found)
 
 
 def test_visibility_of_the_file_counts():
@@ -89,9 +89,9 @@ def test_visibility_of_the_file_counts():
         assert found[name].visibility == TARGET_VISIBILITY
     for name in ("physical, whole markers", "calibrated, limits"):
         assert found[name].visibility == plain[name].visibility
-    told = judged(found.values())
-    assert told["as-printed"]["visibility"] == [test.name for test in TARGET_VISIBILITY]
-    assert told["as-printed"]["noise"] == ["distance-incidence", "resolution", "defocus"]
+    reported = judged(found.values())
+    assert reported["as-printed"]["visibility"] == [test.name for test in TARGET_VISIBILITY]
+    assert reported["as-printed"]["noise"] == ["distance-incidence", "resolution", "defocus"]
 
 
 def test_a_list_of_models_that_is_not_compared_is_refused():

@@ -36,12 +36,12 @@ def events(folder):
     return found
 
 
-def go(wanted, folder, out):
+def go(requested, folder, out):
     """A run with events, over the store in `folder`; gives what it acquired."""
     with RunMessages(quiet=True) as messages:
         messages.start(out, "test")
-        acquired = acquire(wanted, Store(folder / "store"), None, messages)
-        messages.failed(acquired.failed, view_names(wanted))
+        acquired = acquire(requested, Store(folder / "store"), None, messages)
+        messages.failed(acquired.failed, view_names(requested))
         messages.end(EXIT_FAILED if acquired.failed else EXIT_DONE, "results", acquired)
     return acquired
 
@@ -56,26 +56,26 @@ class FailsAtTheSecond(NoiseRenderer):
         return super().render(request)
 
 
-def test_the_events_of_a_run_with_a_failed_view_and_of_the_one_that_goes_on(wanted, tmp_path, monkeypatch):
+def test_the_events_of_a_run_with_a_failed_view_and_of_the_one_that_goes_on(requested, tmp_path, monkeypatch):
     """Each view's story is told once, counts end at their total, and the second run adds to the first's file."""
     monkeypatch.setattr(acquiring, "Renderer", FailsAtTheSecond)
-    go(wanted, tmp_path, tmp_path / "out")
+    go(requested, tmp_path, tmp_path / "out")
     first = events(tmp_path / "out")
-    keys = [item.request.key for item in wanted]
+    keys = [item.request.key for item in requested]
     assert [e["event"] for e in first] == [
         "started", "light-solved", "view-rendered", "view-measured", "view-failed", "view-rendered", "view-measured",
         "finished",
     ]  # fmt: skip
     assert [e["number"] for e in first] == list(range(len(first)))
-    told = {
+    reported = {
         kind: [e for e in first if e["event"] == kind] for kind in ("view-rendered", "view-measured", "view-failed")
     }
-    assert [e["view"] for e in told["view-measured"]] == [keys[0], keys[2]]
-    assert [e["view"] for e in told["view-failed"]] == [keys[1]]
-    assert told["view-failed"][0]["cause"] == "RangeError: not this zoom"
+    assert [e["view"] for e in reported["view-measured"]] == [keys[0], keys[2]]
+    assert [e["view"] for e in reported["view-failed"]] == [keys[1]]
+    assert reported["view-failed"][0]["cause"] == "RangeError: not this zoom"
     assert [(e["done"], e["total"]) for e in first if "done" in e] == [(0, 3), (1, 3), (2, 3), (2, 3), (3, 3)]
-    assert {e["camera"] for e in first if "camera" in e} == {wanted[0].request.camera.name}
-    assert all(e["took_s"] >= 0 for kind in ("view-rendered", "view-measured") for e in told[kind])
+    assert {e["camera"] for e in first if "camera" in e} == {requested[0].request.camera.name}
+    assert all(e["took_s"] >= 0 for kind in ("view-rendered", "view-measured") for e in reported[kind])
     assert {"exit_code": 1, "rendered": 2, "measured": 2, "failed": 1}.items() <= first[-1].items()
     times = [datetime.datetime.fromisoformat(e["time"]) for e in first]
     assert times == sorted(times)
@@ -83,7 +83,7 @@ def test_the_events_of_a_run_with_a_failed_view_and_of_the_one_that_goes_on(want
     assert abs((datetime.datetime.now(datetime.UTC) - times[-1]).total_seconds()) * 1000 < CLOCK_MS
 
     monkeypatch.setattr(acquiring, "Renderer", NoiseRenderer)
-    go(wanted, tmp_path, tmp_path / "out")
+    go(requested, tmp_path, tmp_path / "out")
     both = events(tmp_path / "out")
     assert both[: len(first)] == first
     second = both[len(first) :]
@@ -131,11 +131,11 @@ def test_a_full_disk_leaves_events_out_and_not_the_run(tmp_path, monkeypatch):
     assert EVENTS in warning
 
 
-def test_a_folder_that_takes_no_events_does_not_end_the_run(wanted, tmp_path, capsys):
+def test_a_folder_that_takes_no_events_does_not_end_the_run(requested, tmp_path, capsys):
     """Here a folder has the file's name."""
     (tmp_path / "out" / EVENTS).mkdir(parents=True)
-    acquired = go(wanted, tmp_path, tmp_path / "out")
-    assert len(acquired.measured) == len(wanted)
+    acquired = go(requested, tmp_path, tmp_path / "out")
+    assert len(acquired.measured) == len(requested)
     (line,) = capsys.readouterr().err.splitlines()
     assert "events are left out" in line
 
@@ -196,6 +196,6 @@ def test_help_names_the_exit_codes(capsys):
     with pytest.raises(SystemExit) as caught:
         run_sweep.main(["--help"])
     assert caught.value.code == 0
-    said = " ".join(capsys.readouterr().out.split())
+    output = " ".join(capsys.readouterr().out.split())
     for code in (EXIT_DONE, EXIT_FAILED, EXIT_MISTAKE, EXIT_BROKEN, EXIT_INTERRUPTED):
-        assert f" {code} " in said
+        assert f" {code} " in output

@@ -38,15 +38,15 @@ def test_the_installed_program_names_itself(tmp_path, monkeypatch, capsys):
     for arguments in (["--help"], ["zoom", "--help"], ["zoon"], ["chekc"], ["report", "."], ["new-scene"]):
         with contextlib.suppress(SystemExit):
             main(arguments)
-        said = capsys.readouterr()
-        assert "pss-testbed" in said.out + said.err, arguments
-        assert "run_sweep" not in said.out + said.err, arguments
+        output = capsys.readouterr()
+        assert "pss-testbed" in output.out + output.err, arguments
+        assert "run_sweep" not in output.out + output.err, arguments
     for command in SUBCOMMANDS:
         with pytest.raises(SystemExit):
             main([command, "--help"])
-        said = capsys.readouterr().out
-        assert f"usage: pss-testbed {command}" in said
-        assert "run_sweep" not in said, command
+        output = capsys.readouterr().out
+        assert f"usage: pss-testbed {command}" in output
+        assert "run_sweep" not in output, command
     for file in tmp_path.iterdir():
         assert "run_sweep" not in file.read_text(encoding="utf-8")
 

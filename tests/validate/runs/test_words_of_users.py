@@ -136,8 +136,8 @@ def test_the_console_sends_no_sequence_of_a_file_to_the_terminal():
 
 
 def test_a_mistake_sends_no_sequence_of_a_file_to_the_terminal(tmp_path, capsys):
-    said = {"options": {"sweeps": "()", "store": "\x1b]0;title\x07"}, "sweeps": {}, "scenes": {}}
-    (tmp_path / "run.json").write_text(json.dumps(said))
+    record = {"options": {"sweeps": "()", "store": "\x1b]0;title\x07"}, "sweeps": {}, "scenes": {}}
+    (tmp_path / "run.json").write_text(json.dumps(record))
     assert main(["report", str(tmp_path)]) == 2
     message = capsys.readouterr().err
     assert "\\x1b]0;title\\x07" in message
@@ -169,8 +169,8 @@ def test_the_bar_of_progress_takes_any_name():
 
 
 def test_the_tables_of_a_run_name_its_sweeps_as_they_are(made):
-    said = printed(lambda console: summary.show(made.results, made.acquired, console))
-    assert said.count(STEMS[1]) > 5
+    record = printed(lambda console: summary.show(made.results, made.acquired, console))
+    assert record.count(STEMS[1]) > 5
 
 
 def test_a_comparison_prints_settings_as_they_are(made, capsys):
@@ -178,13 +178,13 @@ def test_a_comparison_prints_settings_as_they_are(made, capsys):
     for number, title in enumerate((TITLE, "Error [mm] over zoom")):
         run = made.folder / f"<b>run[{number}]"
         shutil.copytree(made.out, run)
-        said = {"options": {}, "sweeps": {"data": {"title": title}}, "scenes": {"data": {}}}
-        (run / "run.json").write_text(json.dumps(said))
+        record = {"options": {}, "sweeps": {"data": {"title": title}}, "scenes": {"data": {}}}
+        (run / "run.json").write_text(json.dumps(record))
         runs.append(str(run))
     assert main(["compare", *runs, "--no-report"]) == 0
-    said = re.sub(r"[\s│┃]+", "", capsys.readouterr().out)
-    assert "Error[mm]overzoom" in said
-    assert "[/b]" in said
+    output = re.sub(r"[\s│┃]+", "", capsys.readouterr().out)
+    assert "Error[mm]overzoom" in output
+    assert "[/b]" in output
     page = Page(html_of(sides_of(runs)))
     assert_no_more_elements(page)
 

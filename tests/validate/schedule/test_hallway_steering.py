@@ -169,20 +169,20 @@ def test_a_run_is_the_same_again_and_another_with_another_seed(steered):
 
 
 def test_a_strategy_is_told_predictions_and_the_last_assignment():
-    told = []
+    reported = []
 
     def spy(state):
-        told.append(state)
+        reported.append(state)
         return ("H1", "H2") * 2 if state.step % 2 else ("H2", "H1") * 2
 
     run = steer(SHORT, CAMERAS, spy, PLAN, Tracking(warm_up_s=0.5))
     # At the start, then every ten frames such that the first step of the walk is a decision.
-    np.testing.assert_allclose([s.time_s for s in told], [-0.5, *np.arange(-1, 5) / 3], atol=1e-12)
-    assert [state.step for state in told] == list(range(len(told)))
-    assert told[0].previous is None
-    assert [state.previous for state in told[1:]] == [("H2", "H1") * 2, ("H1", "H2") * 2] * 3
-    assert run.swaps == 4 * (len(told) - 1)
-    last = told[-1]
+    np.testing.assert_allclose([s.time_s for s in reported], [-0.5, *np.arange(-1, 5) / 3], atol=1e-12)
+    assert [state.step for state in reported] == list(range(len(reported)))
+    assert reported[0].previous is None
+    assert [state.previous for state in reported[1:]] == [("H2", "H1") * 2, ("H1", "H2") * 2] * 3
+    assert run.swaps == 4 * (len(reported) - 1)
+    last = reported[-1]
     due = SHORT.first.position_m(last.time_s + PLAN.step_s)
     assert 0 < np.linalg.norm(last.predicted_m["H1"] - due) < 0.1
 

@@ -90,7 +90,7 @@ def design(schedule, stage):
 @pytest.fixture(scope="module")
 def acquired(schedule, stage, design):
     training = training_views(schedule, stage, "no renderer")
-    places = [(place.scene, place.wanted) for place in training]
+    places = [(place.scene, place.requested) for place in training]
     places += [(scene, views[k]) for views in design.views for k, scene in enumerate(design.scenes)]
     return training, acquired_of(places)
 
@@ -122,8 +122,8 @@ def test_the_calibration_finds_the_noise_that_was_drawn(calibration):
 
 def test_training_views_are_not_among_those_that_are_judged(acquired, design):
     training, _ = acquired
-    trained = {item.request.key for place in training for item in place.wanted}
-    assert not trained & {item.request.key for item in design.wanted}
+    trained = {item.request.key for place in training for item in place.requested}
+    assert not trained & {item.request.key for item in design.requested}
     judged_states = {state_key(scene.state) for scene in design.scenes}
     assert not judged_states & {state_key(place.scene.state) for place in training}
 
@@ -157,8 +157,8 @@ def test_views_are_shared_where_settings_coincide(design):
     assert views["follow", None] == views["follow", 8.0]
     assert views["follow", None][:5] == views["swap-to-closer", None][:5]
     assert views["follow", None] != views["follow", 4.0]
-    distinct = len(set(design.wanted))
-    assert distinct < len(design.wanted) / 3
+    distinct = len(set(design.requested))
+    assert distinct < len(design.requested) / 3
 
 
 def test_the_claims_of_the_paper_are_answered_from_both_sides(both, held, acquired, calibration):
@@ -484,11 +484,11 @@ def test_ones_own_strategy_comes_from_a_file(tmp_path):
     assert name == "first"
     assert callable(function)
     (tmp_path / "broken.py").write_text("1 / 0\n", encoding="utf-8")
-    for said, why in (
+    for text, why in (
         (f"{file}:second", "has no function"),
         (f"{tmp_path / 'no.py'}:first", "allowed: the path"),
         (f"{file}", "allowed: the path"),
         (f"{tmp_path / 'broken.py'}:first", "ZeroDivisionError"),
     ):
         with pytest.raises(RangeError, match=why):
-            own_strategy(said)
+            own_strategy(text)

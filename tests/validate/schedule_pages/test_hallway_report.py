@@ -50,9 +50,9 @@ def made(tmp_path_factory):
     return found
 
 
-def rows(made, name, **wanted):
+def rows(made, name, **requested):
     with (made.out / f"{name}.csv").open(encoding="utf-8") as file:
-        return [row for row in csv.DictReader(file) if all(row[key] == value for key, value in wanted.items())]
+        return [row for row in csv.DictReader(file) if all(row[key] == value for key, value in requested.items())]
 
 
 def cells(made, table):
@@ -76,15 +76,15 @@ def column(made, state, name):
 
 
 def test_the_verdict_has_the_numbers_of_agreement_csv(made):
-    said = cells(made, "verdicts")
-    assert len(said) == len(made.both.noise_models) * 2
-    for model, kind, pairs, rho, _, ratio, factor in said:
+    record = cells(made, "verdicts")
+    assert len(record) == len(made.both.noise_models) * 2
+    for model, kind, pairs, rho, _, ratio, factor in record:
         [row] = rows(made, "agreement", avatar="both", zoom_limit="none", strategy="all", kind=kind, noise_model=model)
         assert pairs == row["n"] == str(2 * STEPS)
         for text, name in ((rho, "spearman"), (ratio, "median_abs_log_ratio")):
             # Of so few steps, ρ = 1 has no interval.
-            wanted = [float(row[key]) for key in (name, f"{name}_ci_low", f"{name}_ci_high") if row[key]]
-            assert numbers(text) == [round(value, 2) for value in wanted], (model, kind)
+            requested = [float(row[key]) for key in (name, f"{name}_ci_low", f"{name}_ci_high") if row[key]]
+            assert numbers(text) == [round(value, 2) for value in requested], (model, kind)
         meant = [
             round(float(np.exp(float(row[f"median_abs_log_ratio{end}"]))), 2) for end in ("", "_ci_low", "_ci_high")
         ]
@@ -159,8 +159,8 @@ def test_a_step_of_a_run_shows_its_own_cameras_and_numbers(made):
         course = made.run["courses"][f"{run.strategy}|{limit}"]
         assert len(course) == STEPS
         for step, state in enumerate(course):
-            wanted = [item.request.key for item in made.design.views[number][step]]
-            assert [key for _, key, _ in made.run["views"][state]] == wanted
+            requested = [item.request.key for item in made.design.views[number][step]]
+            assert [key for _, key, _ in made.run["views"][state]] == requested
             follows = [words for _, _, words in made.run["views"][state]]
             assert follows == [f"follows {name}" for name in run.steered.assignments[step]]
             of = rows(made, "points", strategy=run.strategy, zoom_limit=limit, step=str(step), noise_model="physical")
@@ -261,8 +261,8 @@ def test_a_strangers_folder_runs_no_file(tmp_path):
     scene = scenes.load(schedule.scene_path)
     options = {"schedule": "hallway", "scene": "None", "store": str(tmp_path), "overrides": "[]", "variant": "None"}
     options |= {"strategy": str((theirs,)), "allow_outside": "True"}
-    said = {"schedule": schedule.resolved(), "scene": scene.resolved(), "options": options, "failed": {}}
-    (tmp_path / "run.json").write_text(json.dumps(said))
+    record = {"schedule": schedule.resolved(), "scene": scene.resolved(), "options": options, "failed": {}}
+    (tmp_path / "run.json").write_text(json.dumps(record))
     with pytest.raises(StoreError, match=r"was made with --strategy .*theirs\.py:mine; allowed: the same again"):
         remade(tmp_path)
     assert not (tmp_path / "ran").exists()

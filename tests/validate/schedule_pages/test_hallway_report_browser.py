@@ -121,7 +121,7 @@ def test_the_speed_is_the_readers_and_the_slider_stops_it(browser):
 def test_the_strategy_changes_everything_together(browser):
     """At the last step the strategies part: other cameras follow H1, and other pictures are seen."""
     shown(browser, "[data-step]").send_keys(Keys.END)
-    told = {}
+    reported = {}
     for strategy in ("follow", "swap-to-closer"):
         Select(browser.find_element(By.CSS_SELECTOR, "[data-choice=strategy]")).select_by_value(strategy)
         scene = drawn(browser, SCENE)
@@ -134,23 +134,23 @@ def test_the_strategy_changes_everything_together(browser):
         shown(browser, "[data-images]")
         words = [element.text for element in browser.find_elements(By.CSS_SELECTOR, "[data-of]")]
         pictures = [e.get_attribute("src") for e in browser.find_elements(By.CSS_SELECTOR, "[data-img]")]
-        told[strategy] = of_first, words, pictures
+        reported[strategy] = of_first, words, pictures
         assert len(words) == 4
         curves = drawn(browser, "[data-figure=walk] .plot")
         until(browser, lambda d, strategy=strategy, curves=curves: strategy in d.execute_script(SAID, curves))
-    assert told["follow"][0] == ["1", "2"]
-    assert told["swap-to-closer"][0] == ["3", "4"]
-    for before, after in zip(*(words for _, words, _ in told.values()), strict=True):
+    assert reported["follow"][0] == ["1", "2"]
+    assert reported["swap-to-closer"][0] == ["3", "4"]
+    for before, after in zip(*(words for _, words, _ in reported.values()), strict=True):
         assert ("follows H1" in before) != ("follows H1" in after)
 
 
 def test_a_marker_that_is_not_observable_says_so(browser):
     scene = at_start(browser)
     signs = browser.execute_script("return arguments[0].data.find((t) => t.meta && t.meta.pick).marker.symbol", scene)
-    said = browser.find_element(By.CSS_SELECTOR, "[data-said]")
+    output = browser.find_element(By.CSS_SELECTOR, "[data-description]")
     for sign, words in (("x", "there is no ellipsoid"), ("circle", "95 % ellipsoid is drawn")):
         Select(browser.find_element(By.CSS_SELECTOR, "[data-marker]")).select_by_value(str(signs.index(sign)))
-        until(browser, lambda d, words=words: words in said.text)
+        until(browser, lambda d, words=words: words in output.text)
     Select(browser.find_element(By.CSS_SELECTOR, "[data-marker]")).select_by_value("")
 
 

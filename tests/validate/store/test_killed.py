@@ -32,8 +32,8 @@ def killed(runs, folder, workers, after_s=None, at_step=0):
             os.killpg(pid, signal.SIGKILL)
 
     during = (lambda pid: None) if after_s is None else kill
-    code, said = runs.run(with_sweep(folder), workers=workers, killed_at=at_step, during=during)
-    assert code == -signal.SIGKILL or (code == 0 and not at_step), said
+    code, output = runs.run(with_sweep(folder), workers=workers, killed_at=at_step, during=during)
+    assert code == -signal.SIGKILL or (code == 0 and not at_step), output
     return len(temporary_files(folder))
 
 
@@ -42,9 +42,9 @@ def check_resumed(runs, folder, expected, workers):
     old = time.time() - 2 * ABANDONED_S
     for path in temporary_files(folder):
         os.utime(path, (old, old))
-    code, said = runs.run(folder, workers=workers)
-    assert code == 0, said
-    assert "set aside" not in said
+    code, output = runs.run(folder, workers=workers)
+    assert code == 0, output
+    assert "set aside" not in output
     assert tables(folder / "out") == expected
     assert not temporary_files(folder)
 

@@ -30,11 +30,11 @@ def small_disk(tmp_path):
         yield folder
 
 
-def the_line(said):
+def the_line(output):
     """The one line of an error, without the console's breaks."""
-    lines = [line for line in said.splitlines() if line.startswith("run_sweep.py: ")]
-    assert len(lines) == 1, said
-    assert "Traceback" not in said
+    lines = [line for line in output.splitlines() if line.startswith("run_sweep.py: ")]
+    assert len(lines) == 1, output
+    assert "Traceback" not in output
     return lines[0]
 
 
@@ -44,19 +44,19 @@ def test_files_of_the_future_are_as_good_as_others(runs, whole):
     ahead = time.time() + YEAR_S
     for path in (folder / "store").rglob("*"):
         os.utime(path, (ahead, ahead))
-    code, said = runs.run(folder, "again")
-    assert code == 0, said
-    assert "0 rendered, 0 measured now" in said
-    assert "set aside" not in said
+    code, output = runs.run(folder, "again")
+    assert code == 0, output
+    assert "0 rendered, 0 measured now" in output
+    assert "set aside" not in output
     assert tables(folder / "again") == expected
 
 
 @pytest.mark.acceptance
 def test_a_run_on_a_full_disk_says_what_it_needs_and_goes_on_when_there_is_room(runs, whole, small_disk):
     """What was stored before stays whole, and is not made again."""
-    code, said = runs.run(small_disk)
+    code, output = runs.run(small_disk)
     assert code == 2
-    line = the_line(said)
+    line = the_line(output)
     print(line.replace(str(small_disk), "…"))
     assert "the disk is full; the file needs " in line
     assert " are free; " in line
@@ -64,9 +64,9 @@ def test_a_run_on_a_full_disk_says_what_it_needs_and_goes_on_when_there_is_room(
     check_all_whole(small_disk, whole[1])
     stored = {path: path.stat().st_mtime_ns for path in (small_disk / "store").rglob("*.exr")}
     remounted(small_disk / "store", f"size={ENOUGH}")
-    code, said = runs.run(small_disk)
-    assert code == 0, said
-    assert "set aside" not in said
+    code, output = runs.run(small_disk)
+    assert code == 0, output
+    assert "set aside" not in output
     assert tables(small_disk / "out") == whole[1]
     assert {path: path.stat().st_mtime_ns for path in stored} == stored
     assert len(stored) == 1
@@ -78,21 +78,21 @@ def test_a_run_on_a_store_that_cannot_be_written_uses_what_is_there(runs, whole,
     remounted(small_disk / "store", f"size={ENOUGH}")
     assert runs.run(small_disk)[0] == 0
     remounted(small_disk / "store", "ro")
-    code, said = runs.run(small_disk, "again")
-    assert code == 0, said
+    code, output = runs.run(small_disk, "again")
+    assert code == 0, output
     assert tables(small_disk / "again") == whole[1]
     view = next((small_disk / "store").rglob("*.exr"))
     remounted(small_disk / "store", "rw")
     content = view.read_bytes()
     view.unlink()
     remounted(small_disk / "store", "ro")
-    code, said = runs.run(small_disk, "again")
-    assert (code, "cannot be written, and 1 of 2 views are missing" in the_line(said)) == (2, True)
+    code, output = runs.run(small_disk, "again")
+    assert (code, "cannot be written, and 1 of 2 views are missing" in the_line(output)) == (2, True)
     remounted(small_disk / "store", "rw")
     view.write_bytes(content[:-1])
     remounted(small_disk / "store", "ro")
-    code, said = runs.run(small_disk, "again")
-    print(the_line(said).replace(str(small_disk), "…"))
-    assert (code, "cannot be set aside" in the_line(said)) == (2, True)
+    code, output = runs.run(small_disk, "again")
+    print(the_line(output).replace(str(small_disk), "…"))
+    assert (code, "cannot be set aside" in the_line(output)) == (2, True)
     assert view.read_bytes() == content[:-1]
     assert tables(small_disk / "again") == whole[1]

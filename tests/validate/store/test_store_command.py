@@ -85,9 +85,9 @@ def test_what_other_code_made_is_reported_and_pruned(tmp_path, capsys):
     """And nothing else, of any kind."""
     store, mine, other = files_of_two_codes(tmp_path / "store")
     assert main(["store", "list", "--store", str(store.folder)]) == 0
-    said = capsys.readouterr().out
-    assert "other code or libraries made 6 files, " in said
-    assert sum("this code" in line for line in said.splitlines()) == 4
+    output = capsys.readouterr().out
+    assert "other code or libraries made 6 files, " in output
+    assert sum("this code" in line for line in output.splitlines()) == 4
     assert main(["store", "prune", "--store", str(store.folder), "--stale", "--yes"]) == 0
     assert {stored.path for stored in stored_files(store.folder)} == set(mine)
     assert not any(path.exists() for path in other)
@@ -98,10 +98,10 @@ def test_what_other_code_made_is_reported_and_pruned(tmp_path, capsys):
 def test_code_prints_what_names_cover(capsys):
     """Each kind of file with its digest, libraries and modules."""
     assert main(["store", "code"]) == 0
-    said = capsys.readouterr().out
-    assert f"views: code {codes_here().views}\n" in said
-    assert "  validate.markers.localise\n" in said
-    assert f"numpy {np.__version__}" in said
+    output = capsys.readouterr().out
+    assert f"views: code {codes_here().views}\n" in output
+    assert "  validate.markers.localise\n" in output
+    assert f"numpy {np.__version__}" in output
 
 
 def test_stale_files_of_the_last_hour_stay(tmp_path):
@@ -133,9 +133,9 @@ def test_prune_says_what_would_go_and_removes_it_if_told(store, capsys):
     arguments = ["prune", "--store", str(store.folder), "--older-than", "30d"]
     before = sorted(store.folder.rglob("*"))
     assert command_line.run(["store", *arguments]) == 0
-    said = capsys.readouterr().out.splitlines()
-    assert said[:2] == ["light/old.npz", "light/.abandoned.npz"]
-    assert said[2].startswith("2 files would be removed, ")
+    printed_text = capsys.readouterr().out.splitlines()
+    assert printed_text[:2] == ["light/old.npz", "light/.abandoned.npz"]
+    assert printed_text[2].startswith("2 files would be removed, ")
     assert sorted(store.folder.rglob("*")) == before
     assert command_line.run(["store", *arguments, "--yes"]) == 0
     gone = [store.light("old"), sum_path(store.light("old")), store.folder / "light" / ".abandoned.npz"]

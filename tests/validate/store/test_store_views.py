@@ -28,10 +28,10 @@ from validate.acquire.acquire import acquire, with_whole_views
 from validate.acquire.queue import WorkerQueue
 
 
-def made(wanted, store):
+def made(requested, store):
     """Acquire, and give what came of it with what was rendered for it."""
     before = len(NoiseRenderer.rendered)
-    acquired = acquire(wanted, store, None, no_progress)
+    acquired = acquire(requested, store, None, no_progress)
     return acquired, NoiseRenderer.rendered[before:]
 
 
@@ -47,13 +47,13 @@ def result_of(acquired):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("way", WAYS)
-def test_every_file_damaged_in_turn_is_noticed_and_made_again(wanted, tmp_path, caplog, way):
+def test_every_file_damaged_in_turn_is_noticed_and_made_again(requested, tmp_path, caplog, way):
     """Views, light, measurements and the sums of all of them."""
     original = Store(tmp_path / "original")
-    first, rendered = made(wanted, original)
+    first, rendered = made(requested, original)
     assert len(rendered) == len(ZOOMS)
     assert first.failed == {}
-    assert set(first.measured) == set(wanted)
+    assert set(first.measured) == set(requested)
     assert len(first.appearances) == 1
     files = stored(original.folder)
     assert len(files) == 2 * (2 * len(ZOOMS) + 1)
@@ -63,7 +63,7 @@ def test_every_file_damaged_in_turn_is_noticed_and_made_again(wanted, tmp_path, 
         path = store.folder / file.relative_to(original.folder)
         path.write_bytes(damaged(path.read_bytes(), way))
         caplog.clear()
-        again, rendered = made(wanted, store)
+        again, rendered = made(requested, store)
         assert repr(result_of(again)) == repr(result_of(first)), path
         (line,) = caplog.messages
         assert path.name.removesuffix(".sum") in line
@@ -72,31 +72,31 @@ def test_every_file_damaged_in_turn_is_noticed_and_made_again(wanted, tmp_path, 
         assert len(rendered) == ("views" in path.parts)
         # Now all is whole.
         caplog.clear()
-        _, rendered = made(wanted, store)
+        _, rendered = made(requested, store)
         assert (rendered, caplog.messages) == ([], [])
 
 
-def test_a_view_that_rots_without_a_change_of_time_is_found_when_it_is_measured(wanted, tmp_path, caplog):
+def test_a_view_that_rots_without_a_change_of_time_is_found_when_it_is_measured(requested, tmp_path, caplog):
     """Its sum vouches for the certificate, not for the pixels: those are hashed, and the view is rendered again."""
     store = Store(tmp_path)
-    first, _ = made(wanted, store)
-    path = store.view(wanted[0].request.key)
+    first, _ = made(requested, store)
+    path = store.view(requested[0].request.key)
     status = path.stat()
     path.write_bytes(damaged(path.read_bytes(), "flipped"))
     os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
-    measurement = wanted[0].task(store).path
+    measurement = requested[0].task(store).path
     measurement.unlink()
-    again, rendered = made(wanted, store)
-    assert rendered == [wanted[0].request.key]
+    again, rendered = made(requested, store)
+    assert rendered == [requested[0].request.key]
     assert repr(result_of(again)) == repr(result_of(first))
     assert len(caplog.messages) == 1
 
 
-def test_a_reader_of_views_that_finds_one_damaged_has_it_rendered_again(wanted, tmp_path):
+def test_a_reader_of_views_that_finds_one_damaged_has_it_rendered_again(requested, tmp_path):
     """Contact sheets and films read views after all is acquired."""
     store = Store(tmp_path)
-    made(wanted, store)
-    for item in wanted[:2]:
+    made(requested, store)
+    for item in requested[:2]:
         path = store.view(item.request.key)
         status = path.stat()
         path.write_bytes(damaged(path.read_bytes(), "cut").ljust(status.st_size))
@@ -104,24 +104,24 @@ def test_a_reader_of_views_that_finds_one_damaged_has_it_rendered_again(wanted, 
     before = len(NoiseRenderer.rendered)
 
     def use():
-        return [stored_view(store, item.request.key).radiance.sum() for item in wanted]
+        return [stored_view(store, item.request.key).radiance.sum() for item in requested]
 
-    found = with_whole_views(use, wanted, store, None, no_progress)
+    found = with_whole_views(use, requested, store, None, no_progress)
     assert len(NoiseRenderer.rendered) - before == 2
     assert found == use()
-    store.view(wanted[0].request.key).unlink()
+    store.view(requested[0].request.key).unlink()
     with pytest.raises(DamagedViewError, match="has to be rendered again"):
         use()
 
 
-def test_a_store_of_an_older_version_renders_nothing(wanted, tmp_path, caplog):
+def test_a_store_of_an_older_version_renders_nothing(requested, tmp_path, caplog):
     """Without any sum, all is found, given sums, and the same; one line says so."""
     store = Store(tmp_path)
-    first, _ = made(wanted, store)
+    first, _ = made(requested, store)
     for path in stored(tmp_path):
         if path.suffix == ".sum":
             path.unlink()
-    again, rendered = made(wanted, store)
+    again, rendered = made(requested, store)
     assert rendered == []
     assert repr(result_of(again)) == repr(result_of(first))
     assert len(caplog.messages) == 1
@@ -150,22 +150,22 @@ def test_a_stored_view_comes_back(tmp_path):
     assert repr(certificate_of(store, REQUEST)) == repr(VIEW.certificate)
 
 
-def test_what_is_missing_from_a_store_that_cannot_be_written_is_one_line(wanted, tmp_path, monkeypatch):
+def test_what_is_missing_from_a_store_that_cannot_be_written_is_one_line(requested, tmp_path, monkeypatch):
     """Before anything is rendered; with all stored, nothing is said."""
     store = Store(tmp_path)
-    made(wanted[:2], store)
+    made(requested[:2], store)
     monkeypatch.setattr(os, "access", lambda path, mode: mode != os.W_OK)
-    _, rendered = made(wanted[:2], store)
+    _, rendered = made(requested[:2], store)
     assert rendered == []
     with pytest.raises(StoreError, match="1 of 3 views are missing from it"):
-        made(wanted, store)
+        made(requested, store)
     assert len(NoiseRenderer.rendered) == 2
 
 
-def test_light_that_cannot_be_solved_fails_the_views_of_its_state_alone(wanted, tmp_path, monkeypatch):
+def test_light_that_cannot_be_solved_fails_the_views_of_its_state_alone(requested, tmp_path, monkeypatch):
     """It is tried once, and another state's views go on."""
-    dark = dataclasses.replace(wanted[0].request.state, light=Light(0.1, wanted[0].request.state.light.panels))
-    other = [dataclasses.replace(item, request=dataclasses.replace(item.request, state=dark)) for item in wanted[:2]]
+    dark = dataclasses.replace(requested[0].request.state, light=Light(0.1, requested[0].request.state.light.panels))
+    other = [dataclasses.replace(item, request=dataclasses.replace(item.request, state=dark)) for item in requested[:2]]
     tried = []
     solve = lighting.solve_light
 
@@ -176,12 +176,12 @@ def test_light_that_cannot_be_solved_fails_the_views_of_its_state_alone(wanted, 
         return solve(state, mi)
 
     monkeypatch.setattr(lighting, "solve_light", solve_or_fail)
-    acquired, rendered = made([*other, *wanted], Store(tmp_path))
+    acquired, rendered = made([*other, *requested], Store(tmp_path))
     assert set(acquired.failed) == {item.request.key for item in other}
     assert set(acquired.failed.values()) == {"the scene's light cannot be solved: MemoryError: no room for the light"}
-    assert set(acquired.measured) == set(wanted)
+    assert set(acquired.measured) == set(requested)
     assert tried.count(state_key(dark)) == 1
-    assert rendered == [item.request.key for item in wanted]
+    assert rendered == [item.request.key for item in requested]
 
 
 def _die_if_first(path: Path):

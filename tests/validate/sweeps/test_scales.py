@@ -95,13 +95,13 @@ def test_one_step_has_no_order(zooming):
 def test_whole_markers_are_looked_for_by_how_they_look(zooming):
     """The appearance of each step's own prediction, which a scene with `metric.visibility = "target"` needs."""
     markers = len(zooming.configurations[0].scene.state.points_m)
-    look = Appearance(np.full(markers, 0.035), np.full(markers, 0.02), np.full(markers, 0.001))
+    appearance = Appearance(np.full(markers, 0.035), np.full(markers, 0.02), np.full(markers, 0.001))
     whole = [
         dataclasses.replace(each, scene=dataclasses.replace(each.scene, visibility=TARGET_VISIBILITY))
         for each in zooming.configurations
     ]
     assessed = [
-        dataclasses.replace(each, predicted=predict(step.scene, step.cameras, look))
+        dataclasses.replace(each, predicted=predict(step.scene, step.cameras, appearance))
         for step, each in zip(whole, zooming.assessments, strict=True)
     ]
     result = dataclasses.replace(zooming, configurations=tuple(whole), assessments=tuple(assessed))

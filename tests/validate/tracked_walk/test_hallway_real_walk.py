@@ -93,14 +93,14 @@ def test_the_metrics_own_recursion_foresees_the_filters_error(tracked):
 
 
 def test_the_process_is_of_other_walks_and_fits_this_one(real):
-    told = gait_densities(real.stage, real.walk)
+    reported = gait_densities(real.stage, real.walk)
     own = motion_misfit(real.truth_m, ConstantVelocity(1.0, real.walk.step_s))
     parts = body_parts(real.stage)
     for part in ("torso", "legs"):
-        assert 1 / SAME_GAIT < told[parts[part]].mean() / own[parts[part]].mean() < SAME_GAIT
+        assert 1 / SAME_GAIT < reported[parts[part]].mean() / own[parts[part]].mean() < SAME_GAIT
     # Limbs swing; alike places on the two suits have one density.
-    assert told[parts["legs"]].mean() > 2 * told[parts["torso"]].mean()
-    np.testing.assert_array_equal(told[real.stage.groups["H1"]], told[real.stage.groups["H2"]])
+    assert reported[parts["legs"]].mean() > 2 * reported[parts["torso"]].mean()
+    np.testing.assert_array_equal(reported[real.stage.groups["H1"]], reported[real.stage.groups["H2"]])
 
 
 def test_frames_rows_count_what_is_tracked(tracked):

@@ -317,7 +317,7 @@ def test_evo_finds_the_error_that_was_made(tmp_path, name, relation):
     )
     assert done.returncode == 0, done.stdout + done.stderr
     with zipfile.ZipFile(tmp_path / "result.zip") as archive:
-        said = json.loads(archive.read("stats.json"))
+        stats = json.loads(archive.read("stats.json"))
     found = np.isfinite(estimate[:, 0])
     apart = turns[found].inv() * turned[found]
     # evo's whole error is the Frobenius norm of the pose that is left between the two, less the identity.
@@ -327,6 +327,6 @@ def test_evo_finds_the_error_that_was_made(tmp_path, name, relation):
         "angle_deg": np.degrees(apart.magnitude()) ** 2,
         "full": (left**2).sum(axis=1) + ((apart.as_matrix() - np.eye(3)) ** 2).sum(axis=(1, 2)),
     }[relation]
-    print(f"{name} {relation}: evo {said['rmse']:.9f}, numpy {np.sqrt(squares.mean()):.9f}")
-    assert said["rmse"] == pytest.approx(np.sqrt(squares.mean()), rel=SAME_ERROR)
-    assert said["max"] == pytest.approx(np.sqrt(squares.max()), rel=SAME_ERROR)
+    print(f"{name} {relation}: evo {stats['rmse']:.9f}, numpy {np.sqrt(squares.mean()):.9f}")
+    assert stats["rmse"] == pytest.approx(np.sqrt(squares.mean()), rel=SAME_ERROR)
+    assert stats["max"] == pytest.approx(np.sqrt(squares.max()), rel=SAME_ERROR)

@@ -76,12 +76,12 @@ def detections(cameras, truth, trials=1, rng=None):
     return pixels if rng is None else pixels + rng.standard_normal(pixels.shape) @ np.linalg.cholesky(R_PX2).T
 
 
-def told(pixels, factor=1.0):
+def reported(pixels, factor=1.0):
     return np.broadcast_to(factor * R_PX2, (*pixels.shape, 2))
 
 
 def tracked(cameras, pixels, settings=None, process=SLOW):
-    return track_walk(cameras, pixels, told(pixels), process, settings)
+    return track_walk(cameras, pixels, reported(pixels), process, settings)
 
 
 def information(cameras, truth):
@@ -124,7 +124,7 @@ def test_errors_of_a_truth_that_follows_the_process_are_as_large_as_believed(cam
         state = state @ SLOW.A.T + rng.standard_normal((markers, 6)) @ root.T
     truth = np.array(truth)
     pixels = detections(cameras, truth, rng=rng)
-    tracks = track_walk(cameras, pixels, told(pixels, factor), SLOW, UNGATED)
+    tracks = track_walk(cameras, pixels, reported(pixels, factor), SLOW, UNGATED)
     assert tracks.used.all()
     sums = {
         name: np.einsum("kni,knij,knj->k", errors, np.linalg.inv(covariance[:, 0]), errors)
@@ -347,7 +347,7 @@ def test_trials_together_and_apart_are_the_same(cameras):
 def test_a_random_walk_has_no_velocity_and_the_floor_widens_every_detection(cameras):
     truth = standing()
     pixels = detections(cameras, truth)
-    tracks = track_walk(cameras, pixels, told(pixels), RandomWalk(1e-3), WalkFiltering(measurement_floor_px=0.5))
+    tracks = track_walk(cameras, pixels, reported(pixels), RandomWalk(1e-3), WalkFiltering(measurement_floor_px=0.5))
     wider = np.linalg.inv(R_PX2 + 0.25 * np.eye(2))
     H = [camera.jacobian(truth[0]) for camera in cameras[0]]
     first = np.linalg.inv(sum(h.mT @ wider @ h for h in H))

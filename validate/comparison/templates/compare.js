@@ -15,12 +15,12 @@
       if (!this.dirty) return;
       this.dirty = false;
       const chosen = { ...this.section.chosen, ...this.own };
-      const look = (name) => {
+      const lookup = (name) => {
         if (!(name in this.figure.columns)) throw new Error("no column " + name);
         return this.figure.columns[name];
       };
-      const traces = this.figure.traces.map((trace) => filled(trace, look, chosen));
-      const layout = filled(this.figure.layout, look, chosen);
+      const traces = this.figure.traces.map((trace) => filled(trace, lookup, chosen));
+      const layout = filled(this.figure.layout, lookup, chosen);
       layout.height = layout.height || this.figure.height;
       if (this.narrow) this.forNarrow(layout, traces);
       this.draw(traces, layout, CONFIG);

@@ -6,12 +6,12 @@ const Figures = (() => {
   const PRINTED_PX = 700;
   const drawing = { onPaper: false };
 
-  /** A figure with what `look` gives for its columns put in; {…} in a column's name is the reader's choice. */
-  function filled(value, look, chosen) {
-    if (Array.isArray(value)) return value.length && typeof value[0] === "object" ? value.map((v) => filled(v, look, chosen)) : value;
+  /** A figure with what `lookup` gives for its columns put in; {…} in a column's name is the reader's choice. */
+  function filled(value, lookup, chosen) {
+    if (Array.isArray(value)) return value.length && typeof value[0] === "object" ? value.map((v) => filled(v, lookup, chosen)) : value;
     if (value === null || typeof value !== "object") return value;
-    if ("$" in value) return look(value.$.replace(/\{(\w+)\}/g, (_, name) => chosen[name]));
-    return Object.fromEntries(Object.entries(value).map(([key, item]) => [key, filled(item, look, chosen)]));
+    if ("$" in value) return lookup(value.$.replace(/\{(\w+)\}/g, (_, name) => chosen[name]));
+    return Object.fromEntries(Object.entries(value).map(([key, item]) => [key, filled(item, lookup, chosen)]));
   }
 
   // Plotly reads tags in these, and they hold words of users; in templates of hovering it does so as well, which are ours.

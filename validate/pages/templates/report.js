@@ -12,7 +12,7 @@
 
   // ---- columns ----------------------------------------------------------------------------------------------------
 
-  /** The value of a column at a step: of the figure, or of the last step that said it anew. */
+  /** The value of a column at a step: of the figure, or of the last step that set it. */
   function column(sweep, figure, step, name) {
     if (name in figure.columns) return figure.columns[name];
     for (let i = step; i >= 0; i--) if (name in sweep.steps[i]) return sweep.steps[i][name];
@@ -89,7 +89,7 @@
       this.button.querySelector("[data-words]").textContent = words;
       this.button.setAttribute("aria-label", `${words} the steps of ${this.data.name}`);
       this.button.classList.toggle("playing", this.playing);
-      this.section.querySelectorAll("[data-label], [data-said], [data-view-said]").forEach((part) => part.setAttribute("aria-live", live));
+      this.section.querySelectorAll("[data-label], [data-description], [data-view-description]").forEach((part) => part.setAttribute("aria-live", live));
     }
     changed() {
       this.plots.forEach((plot) => plot.stale());
@@ -127,13 +127,13 @@
       if (!this.dirty) return;
       this.dirty = false;
       const chosen = { ...this.sweep.shared, ...this.own };
-      const look = (name) => column(this.sweep.data, this.figure, this.sweep.step, name);
+      const lookup = (name) => column(this.sweep.data, this.figure, this.sweep.step, name);
       let traces = this.figure.traces
         // Plotly keeps what it drew under a trace's uid, or else its place: a mesh would take over the colours of another.
         .map((t, n) => ({ ...t, uid: `${this.figure.id}-${n}` }))
         .filter((t) => Object.entries(t.when || {}).every(([name, value]) => chosen[name] === value))
-        .map(({ when, ...trace }) => filled(trace, look, chosen));
-      const layout = filled(this.figure.layout, look, chosen);
+        .map(({ when, ...trace }) => filled(trace, lookup, chosen));
+      const layout = filled(this.figure.layout, lookup, chosen);
       if (this.figure.id === "scene") traces = this.inSpace(traces, chosen);
       const { narrow } = this;
       layout.height = narrow ? Math.round(Math.min(this.figure.height, 1.05 * this.div.clientWidth + 60)) : this.figure.height;
@@ -181,14 +181,14 @@
         return !["frusta", "planes", "objects"].includes(layer) || this.layers.has(layer);
       });
       this.coloured(kept, at, chosen);
-      const said = this.root.querySelector("[data-said]");
+      const description = this.root.querySelector("[data-description]");
       const marker = this.sweep.marker;
       const centres = ["x", "y", "z"].map((axis) => at("centres_" + axis));
       const centre = (n) => centres.map((values) => values[n]);
       if (this.layers.has("sight")) 
         kept.push({ ...this.lines(at, centre, centres[0].map((_, n) => n), 1, "rgba(60,60,60,0.25)"), uid: "all-sight" });
       if (marker === null || marker >= centres[0].length) {
-        said.textContent = "No marker is chosen.";
+        description.textContent = "No marker is chosen.";
         return kept;
       }
       kept.push({ ...this.lines(at, centre, [marker], 5, "#111111"), uid: "sight" });
@@ -207,7 +207,7 @@
         kept.push({ ...ellipsoid(centre(marker), root, times), uid: "ellipsoid" });
         words += `Its predicted 95 % ellipsoid is drawn ${times.toLocaleString("en")} times as large.`;
       }
-      said.textContent = words;
+      description.textContent = words;
       return kept;
     }
     /** Shades of the plates, signs and words of the dots: by what was predicted and measured of each marker. */
@@ -292,9 +292,9 @@
       const layer = this.root.querySelector("[data-picture]:checked").value;
       this.root.querySelectorAll("[data-scale]").forEach((scale) => { scale.hidden = scale.dataset.scale !== layer; });
       const words = shown.map((view, n) => this.fill(holder.children[n], view, layer));
-      this.root.querySelector("[data-view-said]").textContent = shown.length > 1 ? `All cameras${this.sweep.where}.` : words[0];
+      this.root.querySelector("[data-view-description]").textContent = shown.length > 1 ? `All cameras${this.sweep.where}.` : words[0];
     }
-    /** One view's picture with what is drawn over it; what is said of it. */
+    /** One view's picture with what is drawn over it; its description. */
     fill(frame, [name, key, note], layer) {
       const view = data.views[key], stage = frame.querySelector(".stage"), img = frame.querySelector("[data-img]");
       const over = new Set([...this.root.querySelectorAll("[data-over]:checked")].map((box) => box.dataset.over));
@@ -307,10 +307,10 @@
       const times = layer === "error" ? this.enlarged(view) : 0;
       if (times) words += ` Errors are drawn ${times} times as large.`;
       frame.querySelector("[data-of]").textContent = `camera ${name}${note ? ", " + note : ""}: ${words}`;
-      const said = `Camera ${name}${this.sweep.where}: ${words}`;
-      img.alt = `${said} Picture: ${layer}.`;
+      const description = `Camera ${name}${this.sweep.where}: ${words}`;
+      img.alt = `${description} Picture: ${layer}.`;
       frame.querySelector("[data-svg]").replaceWith(this.overlay(view, over, times));
-      return said;
+      return description;
     }
     enlarged(view) {
       const errors = view.markers.filter((m) => m[7] !== null).map((m) => Math.hypot(m[5], m[6], m[7])).sort((a, b) => a - b);
