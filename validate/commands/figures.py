@@ -60,16 +60,16 @@ def _static(number: int, out: Path, table: str | None, source: ViewSource, dry_r
 
     sweep = load_sweep(SWEEPS[number])
     plans = planned([(sweep, scenes.load(sweep.scene_path))], source, forecast=dry_run)
-    wanted = requested_views(plans)
+    requested = requested_views(plans)
     if dry_run:
         _announce(number, requested, source.store)
         return []
-    [result] = assessed(plans, _acquired(number, wanted, source))
+    [result] = assessed(plans, _acquired(number, requested, source))
     return _write(number, out, table, lambda: static_figure(number, result), static_rows(number, result))
 
 
 def _walk(number: int, out: Path, table: str | None, source: ViewSource, dry_run: bool) -> list[Path]:
-    # Imported late: slow, and wanted for one figure alone.
+    # Imported late: slow, and requested for one figure alone.
     from validate.plots.paper_walk import walk_figure, walk_rows
     from validate.schedule.held import assess_held, design_of, training_levels
     from validate.schedule.results import result_of
