@@ -1,1 +1,31 @@
-"""Where prediction and measurement meet: detection, triangulation, tracking, statistics, and the command."""
+"""Where prediction and measurement meet: detection, triangulation, tracking, statistics, and the command.
+
+The functions below are the way in from Python; each module is loaded at the first use of what it has.
+"""
+
+import importlib
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from validate.results.result import RunResult
+    from validate.results.sweep import sweep
+    from validate.runs.saved import SavedRun, load
+
+__all__ = ["RunResult", "SavedRun", "load", "sweep"]
+
+
+def __getattr__(name: str) -> object:
+    """Load a public name at its first use: together they take seconds, which `--help` does not wait for."""
+    modules = {
+        "validate.results.result": ("RunResult",),
+        "validate.results.sweep": ("sweep",),
+        "validate.runs.saved": ("SavedRun", "load"),
+    }
+    for module, names in modules.items():
+        if name in names:
+            return getattr(importlib.import_module(module), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *__all__]
