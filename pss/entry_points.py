@@ -16,15 +16,15 @@ T = TypeVar("T")
 
 
 class EntryPointTable(Mapping[str, T]):
-    """Items by name: this project's own, then those of installed entry points, which are loaded when needed, once.
+    """Items by name: the project's, then those of installed entry points, which are loaded once, when needed.
 
     Args:
         group: of the entry points.
-        noun: what an item is called in messages, such as "metric".
-        own: names and items of this project.
+        noun: kind of the items in messages, such as "metric".
+        own: names and items of the project.
 
     Raises:
-        RangeError: two items of one name.
+        RangeError: two items have one name.
     """
 
     def __init__(self, group: str, noun: str, own: Iterable[tuple[str, T]]) -> None:
@@ -53,16 +53,16 @@ class EntryPointTable(Mapping[str, T]):
 
     @property
     def own(self) -> tuple[str, ...]:
-        """Names of this project's own items."""
+        """Names of the project's items."""
         return tuple(self._items)[: self._own]
 
     def of_entry_points(self) -> tuple[T, ...]:
-        """The items that installed entry points brought, in their order."""
+        """The items of installed entry points, in their order."""
         self._load()
         return tuple(self._items.values())[self._own :]
 
-    def forget_entry_points(self) -> None:
-        """Have entry points looked for anew the next time: a package was installed or removed meanwhile."""
+    def reload_entry_points(self) -> None:
+        """Load entry points again at the next access, after a package was installed or removed."""
         self._items = {name: self._items[name] for name in self.own}
         self._complete = False
 
@@ -71,7 +71,7 @@ class EntryPointTable(Mapping[str, T]):
         """Names and items of the object that the entry point called `name` loads.
 
         Raises:
-            RangeError: it is none that this table has.
+            RangeError: it is not an item of this table.
         """
 
     def _load(self) -> None:
@@ -84,5 +84,5 @@ class EntryPointTable(Mapping[str, T]):
                     if name in self._items:
                         raise RangeError(f"{self._noun} {name!r} is there already; allowed: another name")
                     self._items[name] = item
-            except Exception as error:  # somebody else's code: a broken package must not disable the others
+            except Exception as error:  # third-party code: a broken package must not disable the others
                 warnings.warn(f"{self._noun}s of entry point {entry.name!r} ({entry.value}): {error}", stacklevel=2)

@@ -1,6 +1,6 @@
-"""What a camera of the metric would see: Mitsuba renders the scene through a thin lens, a sensor adds its noise.
+"""Rendering of what the metric's cameras see: Mitsuba renders the scene through a thin lens, a sensor adds its noise.
 
-`view` is the way in. Imports `pss` for cameras and shapes, and nothing of `scenes` or `validate`.
+The entry point is `view`. Imports `pss` for cameras and shapes, and nothing of `scenes` or `validate`.
 """
 
 import importlib
@@ -13,7 +13,7 @@ __all__ = ["View", "view"]
 
 
 def __getattr__(name: str) -> object:
-    """Load what renders at its first use: it takes a second, which most modules of this package do not need."""
+    """Import the renderer on first use: it takes a second, and most modules of this package do not need it."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(importlib.import_module("render.viewing"), name)

@@ -1,4 +1,4 @@
-"""Noisy captures of a rendered view, each with random numbers of its own."""
+"""Noisy captures of a rendered view, each with its own random numbers."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["Captured", "captures"]
 
 
 class Captured(Protocol):
-    """A rendered view, as far as a capture needs it (`render.renderer.RenderedView`)."""
+    """The attributes of a rendered view that a capture needs (`render.renderer.RenderedView`)."""
 
     @property
     def key(self) -> str:
@@ -39,8 +39,8 @@ class Captured(Protocol):
 def captures(view: Captured, seed: int, trials: Iterable[int]) -> Iterator[NDArray[np.uint16]]:
     """Captures of a view in digital numbers, (height, width) each: one for each number in `trials`.
 
-    The random numbers depend on the view's content, the seed and the number of the trial alone, so that a trial is the
-    same capture in every run.
+    The random numbers depend on the view's content, the seed and the trial number only, so that a trial is the same
+    capture in every run.
     """
     electrons, pattern = view.expected_electrons(), fixed_pattern(view.camera, view.sensor)
     for trial in trials:

@@ -1,4 +1,4 @@
-"""A view by one call: from the store, or rendered now with the light solved, and stored."""
+"""A view by one call: from the store, or rendered with its light solved, and stored."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ sweeps, whose views are then the same."""
 
 
 class Viewable(Protocol):
-    """What can be rendered: `scenes.Scene`, or any object with these attributes."""
+    """A scene that can be rendered: `scenes.Scene`, or any object with these attributes."""
 
     @property
     def state(self) -> SceneState:
@@ -42,7 +42,7 @@ class Viewable(Protocol):
 
     @property
     def auto_exposure(self) -> AutoExposure | None:
-        """None where the sensor's exposure is a number."""
+        """None if the sensor's exposure is a number."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,14 +50,13 @@ class View(RenderedView):
     """A rendered view, with its captures. Images are numpy arrays, (height, width).
 
     Attributes:
-        key: hash of all that determines the view, its name in the store.
-        camera, sensor: those that it was rendered for.
-        radiance: W/(m² sr), float32, noise-free but for the sampling noise that `certificate` states.
-        depth_m: m, float32, along the optical axis through each pixel's centre, from the lens; inf where nothing is
-            hit.
+        key: hash of everything that determines the view, its name in the store.
+        camera, sensor: those of the request.
+        radiance: W/(m² sr), float32, noise-free up to the sampling noise that `certificate` states.
+        depth_m: m, float32, along the optical axis, for each pixel's centre, from the lens; inf where nothing is hit.
         normal: (height, width, 3), float32, unit, in the world.
-        marker_id: int32, number of the marker whose plate is seen, −1 elsewhere.
-        capture_dn: uint16, one capture, that which is stored beside the view.
+        marker_id: int32, id of the marker whose plate is visible, −1 elsewhere.
+        capture_dn: uint16, the capture that is stored with the view.
         certificate: the view's sampling noise.
     """
 
@@ -85,12 +84,11 @@ def view(
     noise_ratio: float = NOISE_RATIO,
     variant: str | None = None,
 ) -> View:
-    """What a camera sees of a scene.
+    """The view of a scene in a camera.
 
-    With a store, a view that it has is read (tens of milliseconds), and one that it lacks is rendered (seconds to
-    minutes) and stored, under the same name as by the commands. The scene's light is solved once for each scene state,
-    15 s for the shipped room on two cores, and stored likewise; without a store it is kept for this process's next
-    views of the same state.
+    A view in the store is read (tens of milliseconds); a missing one is rendered (seconds to minutes) and stored, under
+    the same name as by the commands. The scene's light is solved once for each scene state, 15 s for the shipped room
+    on two cores, and stored likewise; without a store it is cached for this process's further views of the same state.
 
     Args:
         scene: state, sensor and exposure.
@@ -98,13 +96,13 @@ def view(
         store: folder of rendered views, or an address that fsspec knows, such as "s3://…".
         noise_ratio: bound on the sampling noise of the noisiest pixels at the edges of markers, in units of their
             sensor noise (σ). Half of it takes four times as long.
-        variant: Mitsuba's variant, "llvm_ad_mono", "cuda_ad_mono" or "scalar_rgb"; None for LLVM if there is a libLLVM,
-            else scalar.
+        variant: Mitsuba's variant, "llvm_ad_mono", "cuda_ad_mono" or "scalar_rgb"; None for LLVM if libLLVM is
+            available, else scalar.
 
     Raises:
         RangeError: the scene's exposure is "auto", or a value that is not allowed.
         StoreError: the store cannot be used, or the disk is full.
-        MissingLibraryError: the variant, or the kind of store, needs a library that is missing.
+        MissingLibraryError: the variant, or the kind of store, needs a library that is not installed.
     """
     if scene.auto_exposure is not None:
         raise RangeError(

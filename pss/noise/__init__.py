@@ -1,4 +1,4 @@
-"""The measurement noise R_k of a camera: quality factors, each a small unit, and their named sums (section 4)."""
+"""The measurement noise R_k of a camera: quality factors, and their named sums (section 4)."""
 
 from pss.noise.calibrated import (
     CALIBRATION_FACTORS,

@@ -1,6 +1,6 @@
-"""A calibration: weights of noise factors and what is detected, fitted on training views, in a file that says how.
+"""A calibration: weights of noise factors and limits of detection, fitted on training views, as a file.
 
-Beside them stand scales: one number for each model whose unit is open, with which it fits the same views best.
+It can also have scales: for each model whose unit is not defined, the number with which it fits the same views best.
 
 name = "calibrated"
 
@@ -8,11 +8,11 @@ name = "calibrated"
 brightness-contrast = 1.1
 floor = 3e-5
 
-[limits]                       # of what is detected (`pss.visibility_tests`); may be left out
+[limits]                       # of detection (`pss.visibility_tests`); optional
 smallest_module_px = 2.3
 largest_blur_modules = 1.0
 
-[detection]                    # the probability of detection (`pss.detection_model`); may be left out
+[detection]                    # probability of detection (`pss.detection_model`); optional
 constant = 8.3
 size = 2.0
 blur = 3.3
@@ -20,10 +20,10 @@ signal = 6.7
 incidence = 0.0
 lapse = 0.005
 
-[scales]                       # of whole models R, which stay as they are; may be left out
+[scales]                       # of whole models R, which are not changed; optional
 as-printed = 1e-5
 
-[provenance]                   # for people: read, and not used
+[provenance]                   # for information, not used
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ CALIBRATION_FACTORS = (
     "resolution",
 )
 CALIBRATION_LIMITS = ("smallest_module_px", "largest_blur_modules")
-# Of the probability of detection (`pss.visibility.detection`): from which value on, and below which, each is allowed.
+# Of the probability of detection (`pss.visibility.detection`): lower bound, and upper bound (exclusive), of each.
 DETECTION_COEFFICIENTS: Mapping[str, tuple[float, float]] = {
     "constant": (-math.inf, math.inf),
     "size": (0.0, math.inf),
@@ -79,11 +79,11 @@ DETECTION_COEFFICIENTS: Mapping[str, tuple[float, float]] = {
     "incidence": (0.0, math.inf),
     "lapse": (0.0, 1.0),
 }
-# The paper's models, which add m² to px², and R = I: their unit is open.
+# The paper's models, which add m² to px², and R = I: their unit is not defined.
 SCALED_MODELS = ("as-printed", "corrected", "identity")
 
 TABLES = ("name", "weights", "limits", "detection", "scales", "provenance")
-# A longer value would push what is allowed out of sight.
+# A longer value would hide the rest of the message.
 LONGEST_VALUE = 70
 
 
@@ -117,13 +117,13 @@ def calibration_factor(
 
 @dataclass(frozen=True)
 class Calibration:
-    """Fitted weights of noise factors and limits of detection, by name, and where they come from.
+    """Fitted weights of noise factors and limits of detection, by name, and their provenance.
 
     Attributes:
         weights: by factor, of covariances (px² where the factor itself is a ratio).
         limits: all of `CALIBRATION_LIMITS` (`pss.visibility.targets.Legible`), or none.
         detection: all of `DETECTION_COEFFICIENTS` (`pss.DetectionModel`), or none.
-        scales: what the covariances of each of `SCALED_MODELS` are multiplied by to fit best, of all or of none.
+        scales: factors by which the covariances of `SCALED_MODELS` fit best, for all of them or none.
     """
 
     name: str
@@ -138,7 +138,7 @@ class Calibration:
         sensor: ImageSensor | Mapping[str, ImageSensor] | None = None,
         ccd_noise: float | Mapping[str, float] = DEFAULT_CCD_NOISE,
     ) -> tuple[NoiseFactor, ...]:
-        """The factors that have a weight above 0."""
+        """The factors with a weight above 0."""
         return tuple(
             Weighted(calibration_factor(factor, sensor, ccd_noise), weight)
             for factor, weight in self.weights.items()
@@ -172,7 +172,7 @@ class Calibration:
         """Read a calibration.
 
         Raises:
-            RangeError: the file is missing or no TOML, or holds something else than weights, limits, detection, scales,
+            RangeError: the file is missing, is not valid TOML, or has anything but weights, limits, detection, scales,
                 name and provenance.
         """
         if not Path(path).is_file():
@@ -217,10 +217,10 @@ class Calibration:
 def _numbers(
     path: str | Path, content: Mapping[str, object], table: str, ranges: Mapping[str, tuple[float, float] | None]
 ) -> dict[str, float]:
-    """A table that has a finite number for each name, or none at all.
+    """A table with a finite number for each name, or none at all.
 
     Args:
-        ranges: by name, from which value on and below which it is allowed; None for above 0.
+        ranges: lower bound and upper bound (exclusive) by name; None for above 0.
 
     Raises:
         RangeError: with path, key, value and what is allowed.
@@ -239,13 +239,13 @@ def _numbers(
 
 
 def _shown(value: object) -> str:
-    """A value out of a file as a part of a line, shortened."""
+    """A value from a file as a part of a line, shortened."""
     text = value if isinstance(value, str) and value.isprintable() else repr(value)
     return text if len(text) <= LONGEST_VALUE else text[: LONGEST_VALUE - 1] + "…"
 
 
 def _quoted(text: str) -> str:
-    # JSON's escapes are TOML's too, but for the one control character that JSON leaves as it is.
+    # JSON's escapes are valid in TOML, except that JSON leaves one control character unescaped.
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 

@@ -1,4 +1,4 @@
-"""Covariances of pixels, 2 × 2, as three arrays: what factors give, models add up and cameras weight by."""
+"""Covariances of pixels, 2 × 2, as three arrays: contributions of factors, their sums, and weights of cameras."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["PixelCovariance"]
 class PixelCovariance:
     """px², the entries of covariances of image coordinates (u right, v down), arrays that broadcast to (C, N).
 
-    An infinite uu and vv says that a view tells nothing of a point.
+    An infinite uu and vv means that a view has no information on a point.
     """
 
     uu: Floats
@@ -32,7 +32,7 @@ class PixelCovariance:
 
     @classmethod
     def diagonal(cls, uu_px2: ArrayLike, vv_px2: ArrayLike) -> PixelCovariance:
-        """One variance, px², across and another one down."""
+        """Separate variances, px², across and down."""
         return cls(np.asarray(uu_px2, dtype=float), np.asarray(vv_px2, dtype=float), np.zeros(()))
 
     @classmethod
@@ -56,10 +56,10 @@ class PixelCovariance:
         return PixelCovariance(self.uu * weight, self.vv * weight, self.uv * weight)
 
     def inverse(self, where: Bools) -> tuple[Floats, Floats, Floats]:
-        """1/px², entries uu, uv, vv of R⁻¹; anything outside `where` (C, N).
+        """1/px², entries uu, uv, vv of R⁻¹; undefined outside `where` (C, N).
 
         Raises:
-            RangeError: a covariance in `where` that is not positive definite.
+            RangeError: a covariance in `where` is not positive definite.
         """
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             determinant = self.uu * self.vv - self.uv * self.uv

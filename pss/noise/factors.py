@@ -1,6 +1,6 @@
-"""The paper's quality factors of section 4.1, Eqs. 11–15, each the covariance that it adds to R_k.
+"""The paper's quality factors of section 4.1, Eqs. 11–15, each with the covariance it adds to R_k.
 
-Eq. 11 adds m² to px²; it is kept as printed, and the scale between them is explicit (`px2_per_m2`).
+Eq. 11 adds m² to px²; it is kept as printed, with an explicit scale between them (`px2_per_m2`).
 """
 
 from __future__ import annotations
@@ -32,16 +32,16 @@ __all__ = [
 
 T = TypeVar("T")
 
-# Dark noise over full well (6 e⁻ over 10 000 e⁻), for callers without a sensor at hand; a scene gives its own.
+# Dark noise over full well (6 e⁻ over 10 000 e⁻), the default without a sensor; scenes use their own.
 DEFAULT_CCD_NOISE = 6e-4
-# D²/cos α has no bound at grazing incidence; beyond 89.4° nothing can be measured anyway.
+# D²/cos α is unbounded at grazing incidence; beyond 89.4° no target can be measured anyway.
 SMALLEST_COS_INCIDENCE = 0.01
-# A matrix further from symmetric than this (relative to its largest entry) is a mistake, not rounding.
+# A matrix less symmetric than this (relative to its largest entry) is an error, not rounding.
 SYMMETRY_TOLERANCE = 1e-9
 
 
 class NoiseFactor(Protocol):
-    """One quality factor. A user's own factor is any object with these two members.
+    """One quality factor. A user-defined factor is any object with these two members.
 
     Its `covariance` may also return an array (C, N, 2, 2) of matrices, or one that broadcasts to it: see
     `covariance_of`.
@@ -49,25 +49,25 @@ class NoiseFactor(Protocol):
 
     @property
     def name(self) -> str:
-        """How the factor is switched, weighted and listed."""
+        """The factor's name in switches, weights and lists."""
         ...
 
     def covariance(self, views: Views) -> PixelCovariance:
-        """px², what the factor adds to R in each of the `views`: arrays that broadcast to (C, N)."""
+        """px², the factor's contribution to R in each of the `views`: arrays that broadcast to (C, N)."""
         ...
 
 
 @runtime_checkable
 class FactorOfParts(NoiseFactor, Protocol):
-    """A factor whose parts can be switched off one by one, by their own names."""
+    """A factor whose parts can be switched off individually, by their own names."""
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """Names of all its parts; to switch off one that is off already changes nothing."""
+        """Names of all its parts; switching off one that is off already has no effect."""
         ...
 
     def without(self, part: str) -> NoiseFactor | None:
-        """The factor with the part switched off; None if nothing of it is left."""
+        """The factor with the part switched off; None if no part remains."""
         ...
 
 
@@ -79,11 +79,11 @@ class DistanceIncidence:
     """Object distance and incidence angle, Eq. 11.
 
     Attributes:
-        corrected: False for D² cos α as printed; True for D² / cos α, which is what the sentence before Eq. 11 says
-            (accuracy grows with cos α, so the noise must fall with it).
-        px2_per_m2: px²/m², the scale that Eq. 11 leaves open.
-        distance: False takes D as 1 m everywhere.
-        incidence: False takes cos α as 1 everywhere.
+        corrected: False for D² cos α as printed; True for D² / cos α, in agreement with the sentence before Eq. 11
+            (accuracy increases with cos α, so that the noise must decrease with it).
+        px2_per_m2: px²/m², the scale that Eq. 11 does not define.
+        distance: False for D = 1 m everywhere.
+        incidence: False for cos α = 1 everywhere.
 
     Its parts are "distance" and "incidence".
     """
@@ -109,7 +109,7 @@ class DistanceIncidence:
         return EQUATION_11_PARTS
 
     def without(self, part: str) -> DistanceIncidence | None:
-        """Eq. 11 without one of its parts; None with neither, as it is then the same for all points."""
+        """Eq. 11 without one of its parts; None without both, since it is then the same for all points."""
         distance, incidence = self.distance and part != "distance", self.incidence and part != "incidence"
         return replace(self, distance=distance, incidence=incidence) if distance or incidence else None
 
@@ -150,7 +150,7 @@ class Defocus:
 
 @dataclass(frozen=True)
 class IdentityNoise:
-    """R = I: the same noise everywhere. No factor of the paper, but the ablation that tells what R is worth."""
+    """R = I: the same noise everywhere. It is not a factor of the paper, but an ablation that shows the effect of R."""
 
     variance_px2: float = 1.0
     name: str = "identity"
@@ -173,57 +173,57 @@ class Weighted:
 
     @property
     def name(self) -> str:
-        """The factor's."""
+        """The factor's name."""
         return self.factor.name
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """The factor's; none of a factor that has none."""
+        """The factor's parts; empty for a factor without parts."""
         return self.factor.parts if isinstance(self.factor, FactorOfParts) else ()
 
     def without(self, part: str) -> Weighted | None:
-        """The factor without the part, times the same weight."""
+        """The factor without the part, with the same weight."""
         assert isinstance(self.factor, FactorOfParts)  # it has the part
         left = self.factor.without(part)
         return None if left is None else Weighted(left, self.weight)
 
     def covariance(self, views: Views) -> PixelCovariance:
-        """px², the factor's times the weight."""
+        """px², the factor's covariance times the weight."""
         return covariance_of(self.factor, views) * self.weight
 
 
 def covariance_of(factor: NoiseFactor, views: Views) -> PixelCovariance:
-    """px², what `factor` adds to R in each of the `views`, from a `PixelCovariance` or from matrices.
+    """px², the contribution of `factor` to R in each of the `views`, from a `PixelCovariance` or from matrices.
 
-    Matrices are an array (..., 2, 2) that broadcasts to (C, N, 2, 2); nan and infinity are for what is not seen.
+    Matrices are an array (..., 2, 2) that broadcasts to (C, N, 2, 2), with nan or infinity for points not visible.
 
     Raises:
-        ShapeError: the factor returns something of another shape.
+        ShapeError: the factor returns another shape.
         RangeError: it returns neither, or matrices that are not symmetric positive semidefinite.
     """
     returned: object = factor.covariance(views)
-    who = f"noise factor {factor.name!r}"
+    owner = f"noise factor {factor.name!r}"
     count = (len(views.cameras), len(views.points_m))
     matrices = f"an array of matrices in px² that broadcasts to {(*count, 2, 2)}"
     allowed = f"a PixelCovariance, such as PixelCovariance.isotropic(variance_px2), or {matrices}"
     if isinstance(returned, PixelCovariance):
         shapes = [np.shape(entry) for entry in (returned.uu, returned.vv, returned.uv)]
         if not all(_broadcasts(shape, count) for shape in shapes):
-            raise ShapeError(f"{who} returns entries of shapes {shapes}; allowed: those that broadcast to {count}")
+            raise ShapeError(f"{owner} returns entries of shapes {shapes}; allowed: those that broadcast to {count}")
         return returned
-    array = numbers(returned, f"what {who} returns", allowed)
+    array = numbers(returned, f"what {owner} returns", allowed)
     if array.shape[-2:] != (2, 2) or not _broadcasts(array.shape[:-2], count):
-        raise ShapeError(f"{who} returns an array of shape {array.shape}; allowed: {allowed}")
+        raise ShapeError(f"{owner} returns an array of shape {array.shape}; allowed: {allowed}")
     with np.errstate(invalid="ignore", over="ignore"):
         largest = np.abs(array).max(axis=(-1, -2))
         skew = np.abs(array[..., 0, 1] - array[..., 1, 0])
         uu, vv, uv = array[..., 0, 0], array[..., 1, 1], array[..., 0, 1]
         wrong = (skew > SYMMETRY_TOLERANCE * largest) | (uu < 0) | (vv < 0)
-        # The roots keep the product of two small or large variances a number.
+        # The roots keep the product of two small or large variances finite.
         wrong |= np.abs(uv) > (1 + SYMMETRY_TOLERANCE) * np.sqrt(np.abs(uu)) * np.sqrt(np.abs(vv))
     if wrong.any():
         worst = array[tuple(np.argwhere(wrong)[0])].tolist()
-        raise RangeError(f"{who} returns the matrix {worst}; allowed: symmetric positive semidefinite, in px²")
+        raise RangeError(f"{owner} returns the matrix {worst}; allowed: symmetric positive semidefinite, in px²")
     return PixelCovariance.from_matrix(array)
 
 

@@ -37,8 +37,8 @@ class NoiseModel:
             raise RangeError(f"noise model {self.name!r} has no factor left; allowed: at least one")
 
     def of_views(self, views: Views) -> PixelCovariance:
-        """px², R_k in every one of `views`: arrays that broadcast to (C, N)."""
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # of points that are not seen
+        """px², R_k in each of the `views`: arrays that broadcast to (C, N)."""
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # of points that are not visible
             total = covariance_of(self.factors[0], views)
             for factor in self.factors[1:]:
                 total = total + covariance_of(factor, views)
@@ -60,14 +60,14 @@ class NoiseModel:
 
     @property
     def switches(self) -> tuple[str, ...]:
-        """Names of its factors, then of their parts: what can be switched off."""
+        """Names of its factors, then of their parts, which can be switched off."""
         return _switches(self.factors)
 
     def without(self, *names: str) -> NoiseModel:
         """The model with the named factors, or parts of one (`FactorOfParts`), switched off.
 
         Raises:
-            RangeError: a factor that the model doesn't have, or no factor left.
+            RangeError: a factor that the model does not have, or no factor remains.
         """
         factors = list(self.factors)
         for name in names:
@@ -78,11 +78,19 @@ class NoiseModel:
         return NoiseModel(self.name + suffix, tuple(factors))
 
     def weighted(self, weights: Mapping[str, float], name: str | None = None) -> NoiseModel:
-        """The model with the covariances of the named factors multiplied by `weights`, of 0 or more."""
-        have = [factor.name for factor in self.factors]
+        """The model with the covariances of the named factors multiplied by `weights`.
+
+        Args:
+            weights: 0 or more, by name of the factor.
+            name: of the new model; None appends " weighted".
+
+        Raises:
+            RangeError: a factor that the model does not have, or a weight out of range.
+        """
+        existing = [factor.name for factor in self.factors]
         for factor in weights:
-            if factor not in have:
-                raise RangeError(f"noise factor {factor!r} is not in {self.name!r}; allowed: {', '.join(have)}")
+            if factor not in existing:
+                raise RangeError(f"noise factor {factor!r} is not in {self.name!r}; allowed: {', '.join(existing)}")
         factors = tuple(Weighted(f, weights[f.name]) if f.name in weights else f for f in self.factors)
         return NoiseModel(self.name + " weighted" if name is None else name, factors)
 
@@ -97,7 +105,7 @@ def _switches(factors: Sequence[NoiseFactor]) -> tuple[str, ...]:
 
 
 def _without(factor: NoiseFactor, name: str) -> NoiseFactor | None:
-    """What is left of a factor without the factor, or the part of one, of that name."""
+    """A factor without the factor, or its part, of that name; None if it is removed."""
     if factor.name == name:
         return None
     return factor.without(name) if isinstance(factor, FactorOfParts) and name in factor.parts else factor

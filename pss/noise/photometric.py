@@ -1,7 +1,7 @@
-"""Brightness and contrast: how well the edges of a tag fix its centre, given the light, the sensor and the blur.
+"""Brightness and contrast: the precision of a tag's centre from its edges, given light, sensor and blur.
 
-An edge of length ℓ px with the contrast Δ, seen through a Gaussian blur of σ = s px with noise σ_e a pixel, fixes its
-own position to the variance 2√π·s·σ_e²/(Δ²·ℓ): the Cramér–Rao bound, since the squared slope of an error function
+An edge of length ℓ px with the contrast Δ, under a Gaussian blur of σ = s px and noise σ_e per pixel, determines its
+position with the variance 2√π·s·σ_e²/(Δ²·ℓ): the Cramér–Rao bound, since the squared slope of an error function
 integrates to Δ²/(2√π·s). A tag's edges run along its two sides, and its centre is estimated together with the rest of
 a homography. Foreshortening makes the result a full 2 × 2 covariance, and so does motion during the exposure, which
 blurs the edges that it crosses (`pss.noise.blur`).
@@ -29,7 +29,7 @@ __all__ = ["BrightnessContrast", "module_sides", "sides_e"]
 
 @dataclass(frozen=True)
 class BrightnessContrast:
-    """Photon, read and quantisation noise against the contrast that blur leaves (Table 1). No fit in it.
+    """Photon, read and quantisation noise relative to the contrast after blur (Table 1). Without fitted parameters.
 
     Needs `appearance` in `pss.evaluate`.
 
@@ -57,11 +57,11 @@ class BrightnessContrast:
             squared_contrast, noise = self._levels(views, appearance)
 
             def moments(side: Floats, length: Floats) -> _Moments:
-                """Of the edges that run along a side of the module, of `length` px."""
+                """Of the edges along a side of the module, of `length` px."""
                 blur = edge_blur(still, side, way)
                 # 1/px² for each px of edge.
                 strength = squared_contrast / (2 * math.sqrt(math.pi) * blur.across * noise)
-                # They lie `area / length` px apart, and fix a step across (in modules) as (area / length)² · length.
+                # They are `area / length` px apart; a step across, in modules, has (area / length)² · length of it.
                 return _Moments(appearance.modules, area / length, length, blur, strength * area**2 / length)
 
             first, second = moments(down, b), moments(across, a)
@@ -85,7 +85,7 @@ class BrightnessContrast:
 def sides_e(
     views: Views, appearance: Appearance, sensor: ImageSensor | Mapping[str, ImageSensor]
 ) -> tuple[Floats, Floats]:
-    """Electrons, mean signal of the white and the black modules, (C, N) each; at most what saturates the sensor."""
+    """Electrons, mean signal of the white and the black modules, (C, N) each; at most the saturation of the sensor."""
     sensors = sensors_of(sensor, views)
     per_radiance = np.array(
         [electrons_per_radiance(camera, each) for camera, each in zip(views.cameras, sensors, strict=True)]
@@ -102,18 +102,18 @@ def sides_e(
 
 
 class _Moments:
-    """The edges of an average tag that run one way, about its centre: what a step across them is known by.
+    """The edges of an average tag in one direction, about its centre, as the basis of its position's variance.
 
-    A tag is a black square of n modules a side, in which the n − 2 inner ones are each black or white with the
-    probability 1/2: on average grey, and every module by itself ± half the contrast. Blurred, a square's two opposite
-    edges overlap, which takes away exp(−d²/4s²) of the information of each, and lose some length at their ends.
+    A tag is a black square of n modules a side, in which the n − 2 inner ones are each black or white with probability
+    1/2: on average grey, and each module ± half the contrast. Under blur, a square's two opposite edges overlap, which
+    reduces the information of each by exp(−d²/4s²), and their ends lose some length.
     """
 
     def __init__(self, modules: int, spacing_px: Floats, length_px: Floats, blur: EdgeBlur, weight: Floats) -> None:
         """All (C, N).
 
         Args:
-            spacing_px: px, of lines a module apart.
+            spacing_px: px, between lines one module apart.
             length_px: px, of a module along the edges.
             blur: of the edges.
             weight: 1/module² for each module of edge.
@@ -123,12 +123,12 @@ class _Moments:
         inner = modules - 2
 
         def square(side: int) -> Floats:
-            """Modules that a square's edge counts, of `side` modules: ∫ of its blurred profile, squared."""
+            """Effective length in modules of a square's edge of `side` modules: ∫ of its blurred profile, squared."""
             half = side * length / 2
             return np.asarray(side * erf(half) - 2 / math.sqrt(math.pi) / length * (1 - np.exp(-(half**2))))
 
-        # A module's own edges, of half the contrast, stand on all lines of the inner square; there are two on each
-        # line within and one on its outline, where the grey square's edge, of half the contrast too, is beside it.
+        # A module's own edges, of half the contrast, are on all lines of the inner square. There are two on each inner
+        # line and one on its outline, next to the grey square's edge, which has half the contrast too.
         own = inner * (1 - overlap) * square(1) / 4
         outline, frame = square(modules) * (1 - overlap / 2), square(inner) * (1 / 4 - overlap / 2) + own
         outer, edge = modules / 2, inner / 2
@@ -144,10 +144,10 @@ class _Moments:
         self.mixed = weight * (2 * outline * outer**4 / 3 + along * edge**2 / 3)
 
     def centre_variance(self, other: _Moments) -> Floats:
-        """Modules², of the centre across these edges, estimated together with a homography.
+        """Modules², variance of the centre across these edges, estimated together with a homography.
 
-        Of the homography's eight numbers the foreshortening along the same axis, which moves edges by x² here and by
-        x·y on the `other` ones, is the only one that a step can be taken for.
+        Of the homography's eight parameters, only the foreshortening along the same axis correlates with the position:
+        it moves these edges by x² and the `other` ones by x·y.
         """
         known = self.zeroth - self.second**2 / (self.fourth + other.mixed)
         return np.asarray(np.where(known > 0, 1 / known, np.inf))

@@ -1,4 +1,4 @@
-"""Factors that measure blur and size by the target's own module: what a calibration may take besides the paper's."""
+"""Factors of blur and size relative to the target's module, for calibrations."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["ModuleSize", "RelativeDefocus"]
 
 @dataclass(frozen=True)
 class RelativeDefocus:
-    """(Circle of confusion / module)², as px²: what is left of a code whose modules run into each other."""
+    """(Circle of confusion / module)², as px²: the degradation of a code whose modules blur into each other."""
 
     name: str = "relative-defocus"
 
@@ -32,7 +32,7 @@ class RelativeDefocus:
 
 @dataclass(frozen=True)
 class ModuleSize:
-    """(1 px / module)², as px²: small and foreshortened codes."""
+    """(1 px / module)², as px²: for small and foreshortened codes."""
 
     name: str = "module-size"
 
@@ -46,7 +46,7 @@ class ModuleSize:
 
 
 def _module_area_px2(name: str, views: Views) -> Floats:
-    """px², (C, N), what a module covers in the image."""
+    """px², (C, N), area of a module in the image."""
     if views.appearance is None:
         raise RangeError(f"noise factor {name!r} has no appearance; allowed: evaluate(…, appearance=…)")
     across, down = module_sides(views.appearance, views)

@@ -1,7 +1,7 @@
-"""The noise models by name: the paper's, what needs no fit, the shipped calibration, and those of other packages.
+"""The noise models by name: the paper's, those without fit, the shipped calibration, and those of other packages.
 
-A user's own model joins by an entry point of the group "pss.noise_models". The entry point's name is the model's; it
-loads a `NoiseModel`, or a function that takes `NoiseSettings` and returns one.
+To add a model, register an entry point of the group "pss.noise_models". The entry point's name is the model's; it loads
+a `NoiseModel`, or a function that takes `NoiseSettings` and returns one.
 """
 
 from __future__ import annotations
@@ -38,18 +38,18 @@ __all__ = [
 ENTRY_POINTS = "pss.noise_models"
 
 CALIBRATED = "calibrated"
-"""The name of the shipped calibration, where a calibration's path may stand."""
+"""The name of the shipped calibration, in place of a calibration's path."""
 
 SHIPPED_CALIBRATION = Path(__file__).with_name("calibrated.toml")
 """Fitted by `run_sweep.py bank` to training views of scenes/room.toml (results/reference/bank/calibrated.toml)."""
 
-# In tables, in files and after "@" on the command line; a path of a calibration is no name.
+# In tables, in files and after "@" on the command line; the path of a calibration is not a name.
 NAME = re.compile(r"(?!.*\.toml$)[A-Za-z0-9][\w.-]*")
 
 
 @dataclass(frozen=True)
 class NoiseSettings:
-    """What a model may depend on besides the views.
+    """Constants that a model may depend on besides the views.
 
     Attributes:
         sensor: one for all cameras, or one for each by the camera's name.
@@ -75,7 +75,7 @@ Build = Callable[[NoiseSettings], NoiseModel]
 
 
 class NoiseTable(EntryPointTable[Build]):
-    """Functions from `NoiseSettings` to the model, by the model's name; those of entry points behind the project's."""
+    """Functions from `NoiseSettings` to a model, by its name; the project's, then those of entry points."""
 
     def __init__(self, models: Mapping[str, Build]) -> None:
         super().__init__(ENTRY_POINTS, "noise model", models.items())
@@ -85,16 +85,16 @@ class NoiseTable(EntryPointTable[Build]):
             raise RangeError(f"the name {name!r}; allowed: letters, digits, -, _ and ., not ending in .toml")
         if not isinstance(loaded, NoiseModel) and not callable(loaded):
             raise RangeError(f"{loaded!r}; allowed: a pss.NoiseModel, or a function of pss.NoiseSettings to one")
-        yield name, _own(name, loaded)
+        yield name, _named(name, loaded)
 
 
-def _own(name: str, loaded: object) -> Build:
+def _named(name: str, loaded: object) -> Build:
     """The model of an entry point, under the entry point's name."""
 
     def build(settings: NoiseSettings) -> NoiseModel:
         try:
             model = loaded(settings) if callable(loaded) else loaded
-        except Exception as error:  # somebody else's code: the user needs the model's name
+        except Exception as error:  # third-party code: the message needs the model's name
             raise RangeError(f"noise model {name!r} raised {type(error).__name__}: {error}") from error
         if not isinstance(model, NoiseModel):
             raise RangeError(f"noise model {name!r} is built as {model!r}; allowed: a pss.NoiseModel")
@@ -123,7 +123,7 @@ def calibration_called(name: str | Path) -> Calibration | None:
     """The calibration of that name or path: the shipped one, or a file (.toml); None if it is neither.
 
     Raises:
-        RangeError: a path at which there is no calibration.
+        RangeError: the path is not that of a calibration.
     """
     if str(name) == CALIBRATED:
         return shipped_calibration()
@@ -155,13 +155,13 @@ def noise_model(
 ) -> NoiseModel:
     """The noise model called `name`, of `pss.NOISE_MODELS`, or that of the calibration at that path (.toml).
 
-    "as-printed" is Eqs. 11–15, "corrected" has D²/cos α in Eq. 11, "physical" is the tag's edges against the sensor's
-    noise, "identity" is R = I, "calibrated" has the weights that were fitted to the shipped room. "physical" and
+    "as-printed" is Eqs. 11–15, "corrected" has D²/cos α in Eq. 11, "physical" is the bound from the tag's edges and the
+    sensor's noise, "identity" is R = I, "calibrated" has the weights fitted to the shipped room. "physical" and
     calibrations need `appearance` in `pss.evaluate`.
 
     Args:
-        switched_off: names of factors to leave out, or of parts of one ("distance", "incidence").
-        weights: what the covariances of factors are multiplied by, 0 or more, by the factor's name.
+        switched_off: names of factors, or of parts of one ("distance", "incidence"), to switch off.
+        weights: factors for the covariances, 0 or more, by name of the noise factor.
         ccd_noise, px2_per_m2: as in `NoiseSettings`.
         sensor: one for all cameras, or one for each by name; None for `ImageSensor()`.
 

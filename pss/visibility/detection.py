@@ -1,15 +1,15 @@
-"""The probability that a detector finds a target: a ramp over size, blur, signal and incidence, where limits are steps.
+"""The probability that a detector finds a target: a smooth function of size, blur, signal and incidence.
 
-Of a target that is in view as a whole with nothing before it (`pss.visibility.targets.WholeTarget`),
+For a target that is in view as a whole without occlusion (`pss.visibility.targets.WholeTarget`),
 
     p = (1 − lapse) / (1 + exp(−z)),
     z = constant − size · ln(1 + (3 px/s)⁴) − blur · ln(1 + b²) − signal · ln(1 + (5/q)²) + incidence · ln cos α
 
 with the module's narrow side s in px, the blur b in modules (motion included), the contrast over noise q of one capture
-and the angle of incidence α. No coefficient but the constant is negative: what is larger, sharper, clearer or seen less
-aslant is never found less often. Each part but the last levels off: a marker that is large enough gains nothing from
-being larger. The coefficients are fitted to a detector (`validate.prediction.detection`); the form was chosen by
-leaving out one training camera after the other.
+and the angle of incidence α. All coefficients except the constant are non-negative, so that larger, sharper, clearer
+and less oblique targets are never found less often. Each term except the last saturates: a marker that is large enough
+gains nothing from being larger. The coefficients are fitted to a detector (`validate.prediction.detection`); the form
+was selected by leaving out one training camera at a time.
 """
 
 from __future__ import annotations
@@ -32,23 +32,23 @@ from pss.visibility.targets import blur_modules, contrast_over_noise, narrow_sid
 __all__ = ["DETECTION_PARTS", "DetectionModel", "detection_features", "detection_model"]
 
 
-# Beside the constant and the lapse, in the order of `detection_features`.
+# Coefficients besides the constant and the lapse, in the order of `detection_features`.
 DETECTION_PARTS = ("size", "blur", "signal", "incidence")
-# Where size and signal begin to level off.
+# Where size and signal begin to saturate.
 SIZE_PX, SIGNAL = 3.0, 5.0
-# What is less probable counts as not found: no metric can tell, and there are fewer cases to go through.
+# Smaller probabilities count as 0: the effect on a metric is negligible, and fewer cases have to be summed.
 SMALLEST_PROBABILITY = 1e-4
 
 
 @dataclass(frozen=True)
 class DetectionModel:
-    """The probability that a whole target is found in one capture, as the module says.
+    """The probability that a whole target is found in one capture, by this module's formula.
 
     Attributes:
         coefficients: by name, all of `DETECTION_COEFFICIENTS`: "constant", the `DETECTION_PARTS`, and "lapse", the
-            share that is missed however good the view is.
-        sensor: the cameras' image sensor, or one for each by the camera's name: its exposure blurs what moves, and its
-            noise is what the signal is compared with.
+            share that is missed under any conditions.
+        sensor: the cameras' image sensor, or one for each by the camera's name: its exposure determines motion blur,
+            and its noise is compared with the signal.
     """
 
     coefficients: Mapping[str, float]
@@ -68,7 +68,7 @@ class DetectionModel:
                 )
 
     def probability(self, views: Views) -> Floats:
-        """Probability, (C, N), that each camera finds each target, which is taken to be in view as a whole.
+        """Probability, (C, N), that each camera finds each target, assuming that it is in view as a whole.
 
         Raises:
             RangeError: `views` has no appearance.
@@ -82,12 +82,12 @@ class DetectionModel:
 
 
 def detection_features(views: Views, sensor: ImageSensor | Mapping[str, ImageSensor]) -> Floats:
-    """What the coefficients of `DETECTION_PARTS` are multiplied by, (4, C, N): 0 or less, and 0 is best.
+    """The features multiplied by the coefficients of `DETECTION_PARTS`, (4, C, N): 0 or less, and 0 is best.
 
     Raises:
         RangeError: `views` has no appearance.
     """
-    # Points that a camera does not see may have anything, but no infinity times a coefficient of zero.
+    # Points that are not visible may have any value, except an infinity times a coefficient of zero.
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         side, blur, signal = narrow_side_px(views), blur_modules(views, sensor), contrast_over_noise(views, sensor)
         parts = (
@@ -101,14 +101,14 @@ def detection_features(views: Views, sensor: ImageSensor | Mapping[str, ImageSen
 
 
 def detection_model(path: str | Path, sensor: ImageSensor | Mapping[str, ImageSensor] | None = None) -> DetectionModel:
-    """The probability of detection of a calibration, for `pss.evaluate(…, detection=…)`.
+    """The detection probability of a calibration, for `pss.evaluate(…, detection=…)`.
 
     Args:
-        path: of a calibration (.toml) that has a table [detection].
-        sensor: as in `DetectionModel`; the usual one if None.
+        path: of a calibration (.toml) with a table [detection].
+        sensor: as in `DetectionModel`; `ImageSensor()` if None.
 
     Raises:
-        RangeError: the file is no calibration, or has none.
+        RangeError: the file is not a calibration, or lacks the table.
     """
     coefficients = Calibration.from_file(path).detection
     if not coefficients:

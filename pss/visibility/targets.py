@@ -1,9 +1,9 @@
-"""A target is found as a whole or not at all: what it takes besides a line of sight to its centre.
+"""Visibility of whole targets: conditions for detection beyond a line of sight to the centre.
 
 The paper's points are visible if the camera sees them (section 4.1; `pss.visibility.points`). A marker is more than its
-centre: it must be in view with its outline, nothing may stand before any part of it, and its modules must be large,
-sharp and bright enough to be told apart. The first two are geometry; the limits of the third belong to a detector.
-Those of size and blur are fitted (`Calibration.limits`), that of contrast over noise was measured on drawn markers.
+centre: its outline must be in view, no part of it may be occluded, and its modules must be large, sharp and bright
+enough to be distinguished. The first two are geometry; the limits of the third depend on the detector. Those of size
+and blur are fitted (`Calibration.limits`), that of contrast over noise was measured on drawn markers.
 """
 
 from __future__ import annotations
@@ -40,23 +40,23 @@ __all__ = [
 
 
 LEAST_CONTRAST_OVER_NOISE = 2.0
-"""Of white and black modules over σ of one capture at white, in one pixel: below it sharp markers are lost.
+"""Contrast of white and black modules over σ of one capture at white, per pixel, below which sharp markers are missed.
 
 Measured on drawn markers (benchmarks/detection_limit.py, benchmarks/README.md)."""
 
 VISIBILITIES = ("point", "target", CALIBRATED)
-# Where on a target something may stand before it: corners and middles of the sides, in units of half a side.
+# Places on a target that are tested for occlusion: corners and middles of the sides, in units of half a side.
 AROUND = ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1))
 CORNERS = ((-1, -1), (-1, 1), (1, -1), (1, 1))
 
 
 @dataclass(frozen=True)
 class WholeTarget:
-    """All of the target is in view, and nothing stands before its outline.
+    """The whole target is in view, and its outline is not occluded.
 
     Attributes:
-        margin_modules: of the white around the target, what must be in view too: without any there is no outline to
-            be found. Nearly no marker is found with less than half a module, nearly all are with more.
+        margin_modules: width of the white margin that must be in view too, since detection needs the outline. Below
+            half a module hardly any marker is found, above it nearly all are.
     """
 
     margin_modules: float = 0.5
@@ -67,7 +67,7 @@ class WholeTarget:
             raise RangeError(f"WholeTarget.margin_modules = {self.margin_modules!r}; allowed: 0 or more, in modules")
 
     def passed(self, views: Views, candidates: Bools, occluder: Sequence[Shape]) -> Bools:
-        """Where the whole target is seen, (C, N); False outside the candidates.
+        """Where the whole target is visible, (C, N); False outside the candidates.
 
         Raises:
             RangeError: `views` has no appearance.
@@ -91,14 +91,14 @@ class WholeTarget:
 
 @dataclass(frozen=True)
 class Legible:
-    """The target's modules are large, sharp and bright enough to be told apart by a detector.
+    """The target's modules are large, sharp and bright enough for a detector.
 
     Attributes:
         smallest_module_px: px, of a module's narrow side (`narrow_side_px`).
-        largest_blur_modules: of the circle of confusion over that side, with what motion adds (`blur_modules`).
-        sensor: the cameras' image sensor, or one for each by the camera's name, whose exposure blurs what moves and
-            whose noise must not hide the modules; None leaves motion and noise out.
-        least_contrast: of white and black over the noise of one capture (`contrast_over_noise`).
+        largest_blur_modules: circle of confusion over that side, including motion blur (`blur_modules`).
+        sensor: the cameras' image sensor, or one for each by the camera's name, for motion blur and noise; None ignores
+            both.
+        least_contrast: contrast of white and black over the noise of one capture (`contrast_over_noise`).
     """
 
     smallest_module_px: float
@@ -115,7 +115,7 @@ class Legible:
                 raise RangeError(f"Legible.{name} = {getattr(self, name)!r}; allowed: above 0")
 
     def passed(self, views: Views, candidates: Bools, occluder: Sequence[Shape]) -> Bools:
-        """Where it is legible, (C, N).
+        """Where the target is legible, (C, N).
 
         Raises:
             RangeError: `views` has no appearance.
@@ -137,14 +137,14 @@ def visibility_tests(
 ) -> tuple[VisibilityTest, ...]:
     """The visibility tests called `name`, for `pss.evaluate(…, visibility=…)`.
 
-    "point" is the paper's: a line of sight to the point. "target" asks for the whole target. The path of a calibration
+    "point" is the paper's: a line of sight to the point. "target" requires the whole target. The path of a calibration
     (.toml), or "calibrated" for the shipped one, adds its detector's limits; one without limits is "target".
 
     Args:
-        sensor: of `Legible`; for targets that move.
+        sensor: of `Legible`; for moving targets.
 
     Raises:
-        RangeError: an unknown name, or a file that is no calibration.
+        RangeError: an unknown name, or a file that is not a calibration.
     """
     if name == "point":
         return VISIBILITY_TESTS
@@ -177,13 +177,13 @@ def narrow_side_px(views: Views) -> Floats:
 
 
 def blur_modules(views: Views, sensor: ImageSensor | Mapping[str, ImageSensor] | None = None) -> Floats:
-    """(C, N), the circle of confusion over a module's narrow side.
+    """Circle of confusion over a module's narrow side, (C, N).
 
-    What moves has that of a disc that blurs as much across the edges (of equal second moment), over the module's width
-    there, for the worse of its two sides.
+    A moving target has the circle of confusion of a disc with equal blur across the edges (equal second moment), over
+    the module's width there, for the worse of its two sides.
 
     Args:
-        sensor: whose exposure blurs what moves, as in `Legible`; None leaves motion out.
+        sensor: its exposure determines motion blur, as in `Legible`; None ignores motion.
     """
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         way = None if sensor is None else way_px(views, sensor)
@@ -200,7 +200,7 @@ def blur_modules(views: Views, sensor: ImageSensor | Mapping[str, ImageSensor] |
 
 
 def contrast_over_noise(views: Views, sensor: ImageSensor | Mapping[str, ImageSensor]) -> Floats:
-    """(C, N), white less black over σ of one capture at white, in one pixel, without blur; 0 where both saturate."""
+    """(C, N), white minus black over σ of one capture at white, in one pixel, without blur; 0 where both saturate."""
     white, black = sides_e(views, _appearance("legible", views), sensor)
     noise = np.array([each.noise_electrons(row) for each, row in zip(sensors_of(sensor, views), white, strict=True)])
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -2,10 +2,13 @@
 
 A channel's name before its last dot is its layer, as OpenEXR viewers group them:
 
-| layer | channels | type | content | |---|---|---|---| | (first) | `Y` | float | radiance in W/(m² sr) | | `capture` |
-`capture.Y` | float | one noisy exposure, whole digital numbers (DN) | | `depth` | `depth.Z` | float | m along the
-optical axis, at the pixel's centre; inf: nothing | | `normal` | `normal.X`, `.Y`, `.Z` | half | unit vector in the
-world | | `marker` | `marker.id` | float | id of the marker whose plate is hit, a whole number; −1: none |
+| layer | channels | type | content |
+|---|---|---|---|
+| (first) | `Y` | float | radiance in W/(m² sr) |
+| `capture` | `capture.Y` | float | one noisy exposure, whole digital numbers (DN) |
+| `depth` | `depth.Z` | float | m along the optical axis, at the pixel's centre; inf: nothing |
+| `normal` | `normal.X`, `.Y`, `.Z` | half | unit vector in the world |
+| `marker` | `marker.id` | float | id of the marker whose plate is hit, a whole number; −1: none |
 
 Viewers display `Y` as luminance, and so the captures. The header also has OpenEXR's standard attributes
 (`render.files.exr_attributes`).

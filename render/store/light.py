@@ -17,7 +17,7 @@ from render.world.state import SceneState
 
 __all__ = ["baked", "lit", "load_light", "save_light"]
 
-# Lit scenes that a process keeps for its next views and predictions of the same states.
+# Lit scenes that a process caches for further views and predictions of the same states.
 MOST_KEPT = 2
 
 _kept: dict[str, GlowMeshes] = {}
@@ -44,11 +44,11 @@ def save_light(store: Store, key: str, meshes: GlowMeshes, code: str, seconds: f
 
 
 def lit(state: SceneState, store: Store | None = None, chosen: backend.Backend | None = None) -> GlowMeshes:
-    """The lit scene of a state: from the store, else the one that this process used last, else solved now.
+    """The lit scene of a state: from the store, else from this process's cache, else solved now.
 
     Args:
-        store: where solved light is taken from and stored; None to keep it in this process alone.
-        chosen: the backend whose rays find what is hidden where meshes stand in the way; None for the default one.
+        store: the store to read and write; None to use this process's cache only.
+        chosen: the backend that traces rays for occlusion by meshes; None for the default one.
 
     Raises:
         StoreError: the store cannot be used, or lacks the light and cannot be written.

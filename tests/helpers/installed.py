@@ -42,8 +42,8 @@ def installed(example: str, site: Path) -> Iterator[None]:
 def own_noise(site: Path) -> Iterator[str]:
     """The name of the noise model that docs/examples/own-noise adds to `pss.NOISE_MODELS`."""
     with installed("own-noise", site):
-        NOISE_MODELS.forget_entry_points()
+        NOISE_MODELS.reload_entry_points()
         try:
             yield "on-a-mast"
         finally:
-            NOISE_MODELS.forget_entry_points()
+            NOISE_MODELS.reload_entry_points()
