@@ -269,15 +269,24 @@ NUMBER = st.floats(-4, 4, allow_nan=False)
 ANYTHING = st.one_of(NUMBER, st.sampled_from([np.nan, np.inf, -np.inf, 0.0, 1e300, -1e-300]))
 
 
+DIRECTION = st.floats(-math.pi, math.pi).map(lambda angle: (math.cos(angle), math.sin(angle), 0.0))
+
+
 @settings(max_examples=60, deadline=None)
 @given(
-    st.lists(st.tuples(ANYTHING, ANYTHING, ANYTHING), min_size=1, max_size=4), st.tuples(ANYTHING, ANYTHING, ANYTHING)
+    st.lists(st.tuples(ANYTHING, ANYTHING, ANYTHING), min_size=1, max_size=4),
+    st.one_of(DIRECTION, st.tuples(ANYTHING, ANYTHING, ANYTHING)),
 )
 def test_any_points_and_normals_give_an_answer_or_the_projects_own_error(points, normal):
     """Never another exception; and what comes out is finite where it is said to be known, and nan elsewhere."""
     try:
         result = evaluate(CAMERAS, points, [normal] * len(points))
     except PSSError:
+        values = np.array([*points, normal])
+        # Ordinary points with a normal of length 1 are not refused.
+        assert not (
+            np.isfinite(values).all() and np.abs(values).max() < 1e100 and math.hypot(*normal) == pytest.approx(1)
+        )
         return
     np.testing.assert_array_equal(np.isfinite(result.sigma_m), result.observable)
     np.testing.assert_array_equal(np.isfinite(result.covariance).all(axis=(1, 2)), result.observable)

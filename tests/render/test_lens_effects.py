@@ -95,12 +95,15 @@ def test_distorted_markers_are_found_where_the_camera_model_puts_them(room, room
     assert (np.sqrt((errors**2).mean(axis=0)) < LOOP_RMS_PX).all()
     assert moved > 50 * LOOP_RMS_PX
     # Depth and marker numbers see through the same lens.
+    compared = 0
     for marker, pixel in truth.items():
         x, y = np.round(pixel).astype(int)
         index = [m.id for m in room.state.markers].index(marker)
         facing = camera.cos_incidence(room.state.points_m[index], room.state.normals[index]) > 0.3
         if 0 <= x < 640 and 0 <= y < 480 and facing and view.marker_id[y, x] == marker:
             assert view.depth_m[y, x] == pytest.approx(camera.project(room.state.points_m[index])[1], abs=0.02)
+            compared += 1
+    assert compared >= 10
 
 
 @pytest.mark.parametrize("distortion", LENSES, ids=str)

@@ -112,6 +112,7 @@ def test_the_sentence_says_what_the_table_says(made):
 
 def test_nothing_is_asked_from_elsewhere(made):
     """No attribute and no style names another file, and the page forbids the browser to fetch any."""
+    assert len(made.page.elements) > 100
     for element in made.page.elements:
         for name, value in element.attributes.items():
             if name in ("src", "href", "srcset", "data", "action", "poster", "xlink:href", "background"):
