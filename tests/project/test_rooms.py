@@ -14,17 +14,17 @@ ROOT = Path(__file__).resolve().parents[2]
 # From the ground up. A package's own `__init__` is above all of its rooms: it only passes names on.
 ROOMS = {
     "pss": (
-        *("errors", "hints", "json_text", "files", "inputs"),
+        *("errors", "hints", "json_text", "files", "entry_points", "inputs"),
         *("riccati", "processes", "cameras", "surrogates", "noise", "visibility", "modalities"),
         *("metric", "rivals", "metrics"),
     ),
     "render": (
         *("code_digest", "random_streams", "images", "backend", "sensor"),
-        *("world", "light", "keys", "lens", "renderer", "files"),
+        *("world", "light", "keys", "lens", "renderer", "files", "captures", "store", "viewing"),
     ),
     "scenes": (*("errors", "reading", "people", "schema", "mesh_file", "markers", "rules", "scene", "steps"),),
     "validate": (
-        *("store", "runs", "stats", "markers", "prediction", "points", "acquire"),
+        *("runs", "stats", "markers", "prediction", "points", "acquire"),
         *("sweeps", "bank", "schedule", "pixel_noise"),
         *("plots", "tracked_walk", "pages", "comparison", "schedule_pages", "findings"),
         *("commands", "run_sweep"),
