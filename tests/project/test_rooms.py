@@ -26,7 +26,7 @@ ROOMS = {
     "validate": (
         *("runs", "stats", "markers", "prediction", "points", "acquire"),
         *("sweeps", "bank", "schedule", "pixel_noise"),
-        *("plots", "tracked_walk", "pages", "comparison", "schedule_pages", "findings"),
+        *("plots", "tracked_walk", "pages", "comparison", "schedule_pages", "findings", "results"),
         *("commands", "run_sweep"),
     ),
 }
