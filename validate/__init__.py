@@ -7,19 +7,42 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from validate.markers.detections import Detections, detect
+    from validate.points.from_detections import Points, triangulate
+    from validate.prediction.predict import predict
     from validate.results.result import RunResult
     from validate.results.sweep import sweep
     from validate.runs.saved import SavedRun, load
+    from validate.sweeps.measurement import Comparison, FailedViewError, Measurement, compare, measure
 
-__all__ = ["RunResult", "SavedRun", "load", "sweep"]
+__all__ = [
+    "Comparison",
+    "Detections",
+    "FailedViewError",
+    "Measurement",
+    "Points",
+    "RunResult",
+    "SavedRun",
+    "compare",
+    "detect",
+    "load",
+    "measure",
+    "predict",
+    "sweep",
+    "triangulate",
+]
 
 
 def __getattr__(name: str) -> object:
     """Load a public name at its first use: together they take seconds, which `--help` does not wait for."""
     modules = {
+        "validate.markers.detections": ("Detections", "detect"),
+        "validate.points.from_detections": ("Points", "triangulate"),
+        "validate.prediction.predict": ("predict",),
         "validate.results.result": ("RunResult",),
         "validate.results.sweep": ("sweep",),
         "validate.runs.saved": ("SavedRun", "load"),
+        "validate.sweeps.measurement": ("Comparison", "FailedViewError", "Measurement", "compare", "measure"),
     }
     for module, names in modules.items():
         if name in names:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
-from collections.abc import Callable
+import sys
+import types
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from multiprocessing import get_context, resource_tracker
 from typing import TypeVar
@@ -36,7 +39,7 @@ class WorkerPool(ProcessPoolExecutor):
 
     def submit(self, function: Callable[..., T], /, *args: object, **kwargs: object) -> Future[T]:
         """Submit a call. A worker started for it inherits the blocked interrupt, so that not even its start is cut."""
-        with interrupts_held():
+        with interrupts_held(), _without_main():
             return super().submit(function, *args, **kwargs)
 
     def stop(self) -> None:
@@ -48,6 +51,20 @@ class WorkerPool(ProcessPoolExecutor):
             worker.terminate()
         for worker in workers:
             worker.join(SECONDS_TO_STOP)
+
+
+@contextlib.contextmanager
+def _without_main() -> Iterator[None]:
+    """Start workers that do not run the user's script again, which needs no `if __name__ == "__main__":` then.
+
+    "spawn" imports the script of the main process in each worker; what these workers call is in modules.
+    """
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = types.ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
 
 
 def _start_worker() -> None:

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from pss import Evaluation
 from pss.hints import Floats, Row
+from validate.points.configuration import Measured
 from validate.stats.intervals import interval
 from validate.stats.measured_errors import MeasuredErrors
 from validate.sweeps.derived import derived
@@ -16,7 +18,7 @@ from validate.sweeps.optima import kind_words
 from validate.sweeps.replicates import SweepReplicates
 from validate.sweeps.sweep import SweepResult
 
-__all__ = ["is_measurement", "measurement_rows"]
+__all__ = ["comparison_row", "is_measurement", "measurement_rows"]
 
 
 def is_measurement(result: SweepResult) -> bool:
@@ -29,21 +31,33 @@ def measurement_rows(result: SweepResult) -> list[Row]:
     """Rows of a sweep of one step; none of any other."""
     if not is_measurement(result):
         return []
-    return [_row(result, model, single) for model in result.noise_models for single in (True, False)]
+    (assessment,), name = result.assessments, result.plan.sweep.name
+    return [
+        comparison_row(
+            name, model, assessment.predicted[model], assessment.measured, result.replicates[model], single_frame
+        )
+        for model in result.noise_models
+        for single_frame in (True, False)
+    ]
 
 
-def _row(result: SweepResult, model: str, single_frame: bool) -> Row:
-    (assessment,) = result.assessments
-    replicates, measured = result.replicates[model], assessment.measured
-    predicted = assessment.predicted[model]
+def comparison_row(
+    name: str, model: str, predicted: Evaluation, measured: Measured, replicates: SweepReplicates, single_frame: bool
+) -> Row:
+    """Predicted against measured PSS of one kind, with the ratio's 95 % interval and, of single frames, NEES/3.
+
+    Args:
+        name: of the sweep, or of the scene.
+        replicates: resamples of the measurement's trials and points; the first of their steps counts.
+    """
     sigma = predicted.single_frame_sigma_m if single_frame else predicted.sigma_m
     of_points = replicates.point_weights @ np.nan_to_num(1 / sigma)
     if single_frame:
         samples = replicates.measured_pss[:, 0]
     else:
         samples = replicates.point_weights @ measured.inverse_filter_sigma
-    expected = float(result.predicted_pss(model, single_frame)[0])
-    found = float(result.measured_pss(single_frame)[0])
+    expected = predicted.pss_single_frame if single_frame else predicted.pss
+    found = measured.errors.pss() if single_frame else measured.pss_filter
     with np.errstate(divide="ignore", invalid="ignore"):
         low, high = interval(samples / of_points)
         ratio = float(np.divide(found, expected))
@@ -51,11 +65,11 @@ def _row(result: SweepResult, model: str, single_frame: bool) -> Row:
     if single_frame:
         nees = _nees_share(measured.errors, predicted.single_frame_covariance, replicates)
     return {
-        "sweep": result.plan.sweep.name,
+        "sweep": name,
         "noise_model": model,
         "kind": kind_words(single_frame),
-        "predicted_pss": expected,
-        "measured_pss": found,
+        "predicted_pss": float(expected),
+        "measured_pss": float(found),
         "ratio": ratio,
         "ratio_ci_low": float(low),
         "ratio_ci_high": float(high),

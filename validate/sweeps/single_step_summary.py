@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from rich.table import Table
 
+from pss.hints import Row
 from validate.runs.table_text import written
 from validate.stats.intervals import interval
 from validate.sweeps.rows import THRESHOLDS_MM, pooled
-from validate.sweeps.single_step import measurement_rows
 from validate.sweeps.sweep import SweepResult
 
 __all__ = ["error_line", "error_table", "ratio_table"]
@@ -58,14 +60,14 @@ def error_table(result: SweepResult) -> Table:
     return table
 
 
-def ratio_table(result: SweepResult) -> Table:
-    """Predicted against measured PSS, by noise model and kind."""
-    table = Table(title=f"{result.plan.sweep.name}: PSS in 1/m, predicted against measured, with 95 % intervals")
+def ratio_table(name: str, rows: Sequence[Row]) -> Table:
+    """Predicted against measured PSS, by noise model and kind: rows as of `measurement_rows`."""
+    table = Table(title=f"{name}: PSS in 1/m, predicted against measured, with 95 % intervals")
     for head in ("noise model", "kind"):
         table.add_column(head)
     for head in ("predicted", "measured", "measured / predicted", "NEES/3"):
         table.add_column(head, justify="right")
-    for row in measurement_rows(result):
+    for row in rows:
         cells = [written(float(str(row[key])), 4) for key in ("predicted_pss", "measured_pss")]
         limited = [_limited(row, key) for key in ("ratio", "nees_over_3")]
         table.add_row(str(row["noise_model"]), str(row["kind"]), *cells, *limited)

@@ -16,7 +16,7 @@ from validate.sweeps.claims import claim_rows
 from validate.sweeps.correlation import Correlation, headline, own_rows
 from validate.sweeps.optima import kind_words, trend, trends
 from validate.sweeps.rows import detection_rows
-from validate.sweeps.single_step import is_measurement
+from validate.sweeps.single_step import is_measurement, measurement_rows
 from validate.sweeps.single_step_summary import error_line, error_table, ratio_table
 from validate.sweeps.slopes import slope_rows
 from validate.sweeps.sweep import SweepResult
@@ -29,7 +29,7 @@ def show(results: Sequence[SweepResult], acquired: Acquired, console: Console) -
     whole = [result for result in results if result.assessments]
     for result in filter(is_measurement, whole):
         console.print(error_table(result))
-        console.print(ratio_table(result))
+        console.print(ratio_table(result.plan.sweep.name, measurement_rows(result)))
     in_steps = [result for result in whole if not is_measurement(result)]
     if in_steps:
         console.print(_correlation_table(in_steps))
