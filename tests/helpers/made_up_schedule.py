@@ -26,6 +26,7 @@ from validate.schedule.stage import BOTH, stage_of
 from validate.schedule.steering import Steered
 from validate.schedule.strategy_ranking import ranking_rows, strategy_rows
 from validate.schedule_pages.files import of_schedule, write_schedule_report
+from validate.schedule_pages.tables import read_schedule
 from validate.sweeps.correlation import correlation_rows
 from validate.sweeps.rows import detection_rows, view_rows, write_csv
 
@@ -76,7 +77,7 @@ def made_up_schedule(folder: Path) -> SimpleNamespace:
     }.items():
         write_csv(out / f"{name}.csv", rows)
     made = of_schedule(both, acquired.measured, "made up")
-    write_schedule_report(out, made, store)
+    write_schedule_report(out, read_schedule(out), made, store)
     return SimpleNamespace(out=out, store=store, design=design, both=both, made=made)
 
 

@@ -27,6 +27,7 @@ from validate.runs.exit_codes import EXIT_DONE
 from validate.runs.outputs import check_folders, linked_views
 from validate.runs.progress import clock
 from validate.runs.run_file import as_options, write_run
+from validate.runs.tables import as_written
 from validate.runs.versions import versions
 from validate.schedule.agreement import ALL_RUNS, agreement_rows
 from validate.schedule.claims import claim_rows
@@ -41,6 +42,7 @@ from validate.schedule.stage import BOTH, stage_of
 from validate.schedule.strategy_ranking import ranking_rows, strategy_rows
 from validate.schedule.training import calibrate_hallway, training_views
 from validate.schedule_pages.files import of_schedule, write_schedule_report
+from validate.schedule_pages.tables import schedule_table
 from validate.sweeps.correlation import correlation_rows
 from validate.sweeps.rows import detection_rows, timing_rows, view_rows, write_csv
 from validate.tracked_walk.files import write_real_walk
@@ -116,7 +118,8 @@ def _judge(
         after_tables = time.perf_counter()
         if options["report"]:
             made = of_schedule(both, acquired.measured, source.renderer)
-            source.with_whole_views(lambda: write_schedule_report(folder, made, store), requested.views)
+            table = schedule_table({name: as_written(rows) for name, rows in tables.items()}, folder)
+            source.with_whole_views(lambda: write_schedule_report(folder, table, made, store), requested.views)
         reported = time.perf_counter() - after_tables
         if whole.real is not None:
             tracked = track_real_walk(whole.real, acquired, calibration)

@@ -32,7 +32,7 @@ from validate.schedule.runs import limit_name, steered_runs
 from validate.schedule.stage import BOTH, stage_of
 from validate.schedule_pages.page import html_of_schedule, schedule_section
 from validate.schedule_pages.steps import Different, different, steps_of_design
-from validate.schedule_pages.tables import read_schedule
+from validate.schedule_pages.tables import ScheduleTable, read_schedule
 
 __all__ = ["ScheduleForReport", "of_schedule", "remade_schedule", "write_schedule_report"]
 
@@ -68,14 +68,14 @@ def of_schedule(
     return ScheduleForReport(design, found, predictions, measured, renderer)
 
 
-def write_schedule_report(folder: Path, made: ScheduleForReport, store: Store) -> Path:
-    """Write `report.html` and `scene.glb` into a schedule's folder, from its tables; the report's path.
+def write_schedule_report(folder: Path, table: ScheduleTable, made: ScheduleForReport, store: Store) -> Path:
+    """Write `report.html` and `scene.glb` into a schedule's folder; the report's path.
 
     Raises:
-        StoreError: a table is missing or is of other runs, or the folder cannot be written.
+        StoreError: the tables are of other runs, or the folder cannot be written.
         DamagedViewError: a view is not in the store, or was found damaged and set aside.
     """
-    design, found, table = made.design, made.found, read_schedule(folder)
+    design, found = made.design, made.found
     runs = tuple((run.strategy, limit_name(run.zoom_limit)) for run in design.runs)
     if table.runs != runs or len(table.y_m) != len(design.scenes):
         raise StoreError(f"{folder}/configurations.csv has other runs than the schedule; run the schedule again")
@@ -135,7 +135,7 @@ def remade_schedule(folder: Path, recorded: Mapping[str, Any], given: Given, str
     measured = stored_measurements(design.given_options, store)
     predictions = _predictions(design, found, calibration, store, chosen)
     return write_schedule_report(
-        folder, ScheduleForReport(design, found, predictions, measured, chosen.identity), store
+        folder, read_schedule(folder), ScheduleForReport(design, found, predictions, measured, chosen.identity), store
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from validate.runs.csv_file import number_in
 from validate.runs.csv_rows import all_of
 from validate.schedule.stage import BOTH
 
-__all__ = ["KIND_NAMES", "ScheduleTable", "number", "read_schedule"]
+__all__ = ["KIND_NAMES", "ScheduleTable", "number", "read_schedule", "schedule_table"]
 
 
 NEEDED = (
@@ -78,12 +79,24 @@ class ScheduleTable:
 
 
 def read_schedule(folder: Path) -> ScheduleTable:
-    """The tables of a schedule's folder.
+    """The tables of a finished schedule's folder.
 
     Raises:
         StoreError: a table is missing, or holds no row of both avatars.
     """
-    tables = needed_tables(folder, NEEDED)
+    return schedule_table(needed_tables(folder, NEEDED), folder)
+
+
+def schedule_table(tables: Mapping[str, Sequence[CsvRow]], folder: Path) -> ScheduleTable:
+    """The rows of both avatars.
+
+    Args:
+        tables: rows as written, by table.
+        folder: of the run, for messages.
+
+    Raises:
+        StoreError: there is no row of both avatars.
+    """
     of_both = {name: all_of(tables[name], avatar=BOTH) for name in ("configurations", "correlation")}
     rows = of_both["configurations"]
     if not rows:
