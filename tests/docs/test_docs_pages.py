@@ -264,6 +264,7 @@ def test_every_page_is_on_the_site_and_in_its_contents(site):
         assert f'href="{name}.html"' in site["index"], name
 
 
+@pytest.mark.slow
 def test_every_public_name_and_every_metric_is_described(site):
     described = set(re.findall(r'id="pss\.(\w+)"', site["api"]))
     instances = {name for name in pss.__all__ if not callable(getattr(pss, name))}

@@ -24,8 +24,13 @@ def tree(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"), filename=str(path))
 
 
-def imports(path: Path) -> Iterator[tuple[str, ast.stmt | ast.expr]]:
+@cache
+def imports(path: Path) -> tuple[tuple[str, ast.stmt | ast.expr], ...]:
     """Every module that a file imports, anywhere in it, with the statement or the call."""
+    return tuple(_imports(path))
+
+
+def _imports(path: Path) -> Iterator[tuple[str, ast.stmt | ast.expr]]:
     for node in ast.walk(tree(path)):
         if isinstance(node, ast.Import):
             yield from ((alias.name, node) for alias in node.names)

@@ -24,6 +24,8 @@ from validate.findings.sentences import five_sentences
 from validate.runs.csv_file import csv_text
 from validate.runs.csv_rows import in_powers, markdown_table, read_tables, with_range
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[3]
 REFERENCE = ROOT / "results" / "reference"
 NUMBER_WITH_INTERVAL = r"−?\d+\.\d+ \[−?\d+\.\d+, −?\d+\.\d+\]"
@@ -118,7 +120,6 @@ def test_the_studio_is_named_with_its_commits(copy):
     assert "prospective" not in findings_page(copy)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "gone",
     ["bank-third", "bank-dim", "bank", "calibration_error.csv", "bank/process.csv", "bank/size.csv", "bank/ceiling.csv",
@@ -288,7 +289,6 @@ def test_a_changed_number_changes_the_digest_of_its_figure_alone(copy):
     assert {name for name in before if before[name] != after[name]} == {"findings-nees"}
 
 
-@pytest.mark.slow
 def test_files_of_figures(copy, tmp_path):
     """SVG with its digest, the same bytes twice; PDF with TrueType fonts."""
     drawing = next(each for each in drawings_of(places_of_reference(copy)) if each.name == "findings-process")

@@ -17,6 +17,8 @@ from tests.gate import claims
 from validate.findings.readme import BLOCKS, numbered_pages, readme_text, write_pages
 from validate.stats.intervals import LEVEL
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[3]
 REFERENCE = ROOT / "results" / "reference"
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -30,7 +32,6 @@ def test_a_page_is_what_the_tables_make_of_it(page):
     assert text == readme_text(text, REFERENCE)
 
 
-@pytest.mark.slow
 def test_another_table_is_another_page(tmp_path):
     """A changed figure shows, in the block that it belongs to."""
     shutil.copytree(REFERENCE, tmp_path / "reference")
@@ -68,7 +69,6 @@ def test_mistakes_are_named(page, message):
         readme_text(page, REFERENCE)
 
 
-@pytest.mark.slow
 def test_pages_are_written_in_place(tmp_path):
     """The command's own function, on a copy with an old number."""
     (tmp_path / "docs").mkdir()

@@ -19,6 +19,8 @@ from validate.pages.empty_rows import NO_ORDER, Sign, empty_row_words
 from validate.pages.scene3d import EYE, fitted_camera
 from validate.run_sweep import main
 
+pytestmark = pytest.mark.slow
+
 
 def figures_of(page):
     """The figures of a page's data, with the section that each is in."""

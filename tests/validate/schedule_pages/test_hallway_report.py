@@ -31,6 +31,8 @@ from validate.schedule_pages.sentences import claims_in_brief
 from validate.schedule_pages.steps import steps_of_design
 from validate.schedule_pages.tables import read_schedule
 
+pytestmark = pytest.mark.slow
+
 # Numbers of a figure have four digits.
 DRAWN_DIGITS = 6e-4
 # What moves from step to step, and what must stay with the room.

@@ -21,6 +21,8 @@ from validate.tracked_walk.files import torso_trajectories, write_real_walk
 from validate.tracked_walk.frames import body_parts, gait_densities, real_walk_of, track_real_walk
 from validate.tracked_walk.process_misfit import motion_misfit
 
+pytestmark = pytest.mark.slow
+
 # Of a walk of 4 s.
 FRAMES = 25
 CALIBRATION = Calibration("calibrated", {"brightness-contrast": 1.0}, {}, LIMITS)
@@ -63,7 +65,6 @@ def _few(measurement, trials):
     return type(measurement)(measurement.pixels[:trials], measurement.covariance[:trials], 0, 0.0)
 
 
-@pytest.mark.slow
 def test_frames_are_of_people_who_walk(real, schedule):
     assert len(real.scenes) == len(real.steered.cameras) == FRAMES
     assert np.diff(real.walk.times_s) == pytest.approx(1 / 6)
