@@ -58,7 +58,7 @@ def calibration_error_sentences(rows: Sequence[CsvRow]) -> str:
             f"{_rho(none, 'plain')} (calibrated R, limits of detection, single frame)."
         ),
         (
-            f"Errors that nobody knows of take more than {LOST:g} of it, over calibrations, from "
+            f"Unknown errors lower it by more than {LOST:g}, over calibrations, from "
             f"{_lost(rows, EACH_FRAME)} on{_within(rows)}."
         ),
     ]

@@ -135,7 +135,7 @@ def _sigma(places: Sequence[Place]) -> Drawing | None:
         "Forest plot: rank correlation of σ∞ less that of two counts of points, by motion, R and place.",
         "**σ∞ less counting.** At the judged level of each motion. Right of the line σ∞ ranks better than the count of "
         "visible points (filled), than the share that two cameras see (hollow); it is more than a count where both "
-        "intervals lie there.",
+        "intervals are there.",
         _numbers(labels, panels),
         lambda scale: forest(title, labels, groups, panels, SIGMA_AXIS, scale),
     )
@@ -172,7 +172,7 @@ def _nees(places: Sequence[Place]) -> Drawing | None:
         "Is the error as large as predicted?",
         "Forest plot: NEES over its degrees of freedom of single-frame errors, by R, in each room and light.",
         "**Size.** NEES over its degrees of freedom; the band is 0.9 to 1.1. An arrow at the edge has the number of "
-        "what lies beyond it.",
+        "what is beyond it.",
         places, marks, {}, axis,
     )  # fmt: skip
 
@@ -246,7 +246,7 @@ def _size(places: Sequence[Place]) -> Drawing | None:
         "Measured over predicted error of points by the predicted one, a panel for each room and light; at 1 they "
         "agree.",
         "**Predicted and measured error.** Medians of the measured RMS of points over the predicted, in bins of the "
-        "predicted; quartiles are shaded where it is calibrated. What lies off the axes is named, with its median.",
+        "predicted; quartiles are shaded where it is calibrated. Contenders off the axes are named, with their median.",
         "\n".join(map(str, curves)),
         lambda scale: size_figure(curves, scale),
     )

@@ -261,12 +261,12 @@ def _real_walk(consistency: Sequence[CsvRow], misfit: Sequence[CsvRow], frames: 
     found, foreseen = (_millimetres(str(medians[name])) for name in ("measured", "predicted"))
     walked = (
         "The real walk, {} frames of {} trials, by a real filter over rendered motion: over all tracked cells NEES/3 "
-        "is {} after an update, against the covariance of the time-varying Riccati recursion. Before an update it asks "
-        "whether the gait is as lively as the process assumes, and nothing of R or of the views."
+        "is {} after an update, against the covariance of the time-varying Riccati recursion. Before an update it "
+        "tests whether the gait is as lively as the process assumes, and not R or the views."
     ).format(whole["frames"], whole["trials"], number(whole, "posterior_nees_per_dof"))
     erred = (
-        f"In the median frame the median marker's error is {found}; the metric's own recursion, which knows no "
-        f"detection, says {foreseen}."
+        f"In the median frame the median marker's error is {found}; the metric's own recursion, which uses no "
+        f"detection, predicts {foreseen}."
     )
     stated = [walked, erred]
     table = "Of frames in which two views or more updated a marker, by avatar and part of the body:"

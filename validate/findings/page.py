@@ -32,14 +32,14 @@ to 300 on its ball, 80 to 430 in the atrium and 40 to 520 in the studio; at ¼ l
 calibration*: cameras are where the prediction puts them. *A closed world*: predictor, estimator and renderer share
 print, light, sensor and lens. `as-printed` and `corrected` are the paper's Eqs. 11–15 with our constants, `identity` is
 R = I, "scaled" is one scalar times it, fitted on training views; `physical` is the marker's Cramér–Rao bound from
-sensor and lens. All of these take a marker as visible if its centre is, as the paper does; "whole markers" asks for all
-of it. `calibrated R` has its R fitted on other views, `calibrated, limits` hard limits of detection too, and
+sensor and lens. All of these take a marker as visible if its centre is, as the paper does; "whole markers" requires
+all of it. `calibrated R` has its R fitted on other views, `calibrated, limits` hard limits of detection too, and
 `calibrated` a smooth probability of detection in place of the limits. [What it is not](limits.md) is a page of its own.
 """
 TABLES = """## Tables
 
 From [results/reference](../results/reference), where `run_sweep.py bank` ([how](bank.md)), `run_sweep.py
-calibration-error`, the factor sweeps and `run_sweep.py schedule hallway` left them. This page and its figures are made
+calibration-error`, the factor sweeps and `run_sweep.py schedule hallway` wrote them. This page and its figures are made
 from them by
 
 ```sh
