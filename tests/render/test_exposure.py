@@ -202,7 +202,7 @@ def test_the_line_says_what_was_chosen_and_why(tmp_path):
     exposure_ms = scene.sensor.exposure_ms
     assert line.startswith(f"exposure: {exposure_ms:g} ms chosen (brightest marker at ")
     assert line.endswith(tuple(f" in camera {name})" for name in "1234567"))
-    assert " of saturation, asked: 70%; it is " in line
+    assert " of saturation, requested: 70%; it is " in line
     assert notes == ["solving the scene's light, by which the exposure is chosen"]
     _, (line,), notes = chosen(tmp_path, ["zoom"], "sensor.longest_exposure_ms=0.01")
     assert line.startswith("exposure: 0.01 ms chosen, the longest allowed (brightest marker at ")

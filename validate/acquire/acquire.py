@@ -1,7 +1,7 @@
 """Get views rendered and measured: what the store has is taken, the rest is made, each view once.
 
 One process renders (Mitsuba's own threads use all cores); others measure what is rendered meanwhile. Or, as
-`validate.scale` says, worker processes each render and measure one view at a time, on this machine or on others.
+`validate.scale` is set, worker processes each render and measure one view at a time, on this machine or on others.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def acquire(
     progress_for: Callable[[int], ViewProgress],
     scale: Scale = HERE,
 ) -> Acquired:
-    """Render and measure the wanted views, each once, where `scale` says, and load the measurements.
+    """Render and measure the requested views, each once, on the workers of `scale`, and load the measurements.
 
     A view that fails is in `failed`, and the others go on. Ctrl-C stops between views; what is stored stays and is
     found by the next run.
@@ -74,7 +74,7 @@ def acquire(
     for item in todo:
         if item.request.key not in acquired.failed and not _loaded(item, store, acquired):
             _failed(item, "its measurement is missing from the store", progress, acquired)
-    # In the order in which they are wanted, whatever was there and whatever was made now.
+    # In the order of the requests, whatever was stored before.
     acquired.measured = {item: acquired.measured[item] for item in unique if item in acquired.measured}
     _find_appearances(unique, store, chosen, progress, acquired)
     return acquired
@@ -102,7 +102,7 @@ def with_whole_views(
 
 
 def _certified(item: Acquisition, store: Store, acquired: Acquired) -> bool:
-    """Whether the view's image is stored and whole, as far as its sum says."""
+    """Whether the view's image is stored and its checksum matches."""
     key = item.request.key
     if key not in acquired.certificates:
         certificate = certificate_of(store, item.request)

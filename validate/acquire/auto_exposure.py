@@ -25,13 +25,13 @@ def with_exposures(
     chosen_backend: Backend | None = None,
     solved: Callable[[str, float], None] = lambda key, took_s: None,
 ) -> list[Loaded]:
-    """The same sweeps, with an exposure for every scene that leaves its own to be chosen.
+    """The same sweeps, with an exposure for every scene whose exposure is "auto".
 
     Sweeps of one scene have one exposure, the same for all their cameras and configurations: they share views.
 
     Args:
-        report: is told each choice, in one line.
-        note: is told what takes a while.
+        report: called with each choice, in one line.
+        note: called before what takes a while.
         chosen_backend, solved: as of `render.store.light.baked`.
     """
     open_scenes: dict[object, list[Loaded]] = {}
@@ -80,6 +80,6 @@ def _described(choice: ExposureChoice, scene: Scene) -> str:
         return f"{chosen} (no camera has a marker in view)"
     marker = scene.state.markers[choice.point].id
     return (
-        f"{chosen} (brightest marker at {choice.share:.0%} of saturation, asked: {wish.share:.0%}; "
+        f"{chosen} (brightest marker at {choice.share:.0%} of saturation, requested: {wish.share:.0%}; "
         f"it is {marker} in camera {choice.camera.name})"
     )

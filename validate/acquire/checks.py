@@ -23,7 +23,7 @@ __all__ = ["WorkerReport", "check_workers", "misfit", "report", "store_name"]
 
 @dataclass(frozen=True)
 class WorkerReport:
-    """What a process says of itself: what it reads in the store's small file, and what it runs."""
+    """A process's report: what it reads in the store's small file, and what it runs."""
 
     read: str
     writable: bool
@@ -38,12 +38,12 @@ def worker_code() -> str:
 
 
 def store_name(store: Store) -> str:
-    """How workers are told of a store: its address, or its folder's path that starts at the root."""
+    """The name of a store for workers: its address, or its folder's absolute path."""
     return store.address if isinstance(store, RemoteStore) else str(store.folder.resolve())
 
 
 def check_workers(workers: Workers, store: Store, chosen: backend.Backend) -> None:
-    """Ask each worker that is there; one that cannot be used is named in one line.
+    """Check each connected worker; one that cannot be used is named in one line.
 
     Raises:
         ScaleError: a worker does not see the store, runs other code or another renderer, or several threads.
@@ -69,7 +69,7 @@ def check_workers(workers: Workers, store: Store, chosen: backend.Backend) -> No
 
 
 def report(store: str, small: str, variant: str) -> WorkerReport:
-    """Asked of a worker: what it reads in the small file of the store, and what it runs."""
+    """Run on a worker: what it reads in the small file of the store, and what it runs."""
     opened = open_store(store)
     try:
         if isinstance(opened, RemoteStore):
@@ -116,7 +116,7 @@ def _differing(there: Mapping[str, str], here: Mapping[str, str]) -> str:
 
 def _without_project(who: str, error: BaseException) -> str:
     return (
-        f"{who} cannot be asked ({type(error).__name__}: {error}); allowed are workers that have this project installed"
+        f"{who} does not answer ({type(error).__name__}: {error}); allowed are workers that have this project installed"
     )
 
 

@@ -41,7 +41,7 @@ SECONDS_TO_ANSWER = 10.0
 POLL_SECONDS = 1.0
 # s, for a finished job's few hundred bytes to come, before its worker counts as gone.
 SECONDS_FOR_RESULT = 30.0
-# s, for local processes to end after they were told to, before they are killed.
+# s, for local processes to end after a request to stop, before they are killed.
 SECONDS_TO_STOP = 3.0
 # s, without any local process: they die as fast as they are started.
 MOST_SECONDS_ALONE = 60.0
@@ -62,7 +62,7 @@ class Workers:
 
     Attributes:
         client: Dask's.
-        cores: for each worker; None: those that the worker says it has.
+        cores: for each worker; None: those that the worker reports.
         local: whether the processes are this program's own.
     """
 
@@ -159,7 +159,7 @@ class Workers:
 
 
 class _EndCleanly(WorkerPlugin):
-    """A local worker that is told to stop leaves no half-written file; Ctrl-C is the parent's business alone."""
+    """A local worker that is stopped leaves no half-written file; Ctrl-C is the parent's business alone."""
 
     def setup(self, worker: Worker) -> None:
         """Called in the main thread of the worker's process."""
@@ -175,8 +175,8 @@ def workers_of(scale: Scale) -> Iterator[Workers]:
         ScaleError: no scheduler at the address, or local processes that do not start.
     """
     with warnings.catch_warnings():
-        # A scene of meshes is large, and goes to each worker once; what differs between versions is asked for in
-        # `validate.acquire.checks`, and said in one line.
+        # A scene of meshes is large, and goes to each worker once; differences between versions are checked in
+        # `validate.acquire.checks`, and reported in one line.
         warnings.filterwarnings("ignore", module="distributed")
         with _silent(), _here(scale.workers) if scale.workers else _at(str(scale.cluster)) as workers:
             yield workers
@@ -184,7 +184,7 @@ def workers_of(scale: Scale) -> Iterator[Workers]:
 
 @contextmanager
 def _silent() -> Iterator[None]:
-    """Nothing of Dask's own: what goes wrong is said here, in one line."""
+    """Silence Dask's own messages: errors are reported here, in one line."""
     loggers = [logging.getLogger(name) for name in ("distributed", "distributed.client", "distributed.scheduler")]
     before = [logger.level for logger in loggers]
     for logger in loggers:

@@ -1,8 +1,8 @@
-"""What a run would do, how long it would take and how much it would fill: said without rendering anything.
+"""Forecast of a run without rendering anything: what it would do, its time and its disk space.
 
-Seconds and bytes are those of the store's own newest views, light and measurements, as far as their sums tell (those of
+Seconds and bytes are those of the store's own newest views, light and measurements, from their checksum files (those of
 older versions do not); else those of two cores, which the benchmarks state, by the pixels of each view
-(`validate.acquire.view_costs`); so is the memory. Whether a file is there is asked of its name, and no image is opened.
+(`validate.acquire.view_costs`); so is the memory. Files are looked up by name, and no image is opened.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from validate.runs.progress import EXPECTED_LIGHT_SECONDS, clock
 
 __all__ = ["Forecast", "announce", "exposures_assumed", "forecast"]
 
-# Of each kind of file, so many of the newest are asked for their seconds: more would only take time to read.
+# Of each kind of file, the seconds of so many of the newest are read: more would only take time.
 MOST_PAST_VIEWS = 200
-# Views, light or measurements below which their mean says less than the benchmarks.
+# Views, light or measurements below which the benchmarks are a better estimate than their mean.
 LEAST_KNOWN = 5
 # Of a view, as the store's are: 9.0 MB on average at 1280 × 960.
 VIEW_BYTES_A_PIXEL = 7.4
@@ -42,7 +42,7 @@ class Forecast:
     """What a run would do.
 
     Attributes:
-        views: different images that are wanted.
+        views: different images that are requested.
         rendered, measured: images and measurements that the store has.
         to_render, to_measure, to_light: what it has not; light is solved once for each scene state.
         seconds: s, all of it, without tables and figures.
@@ -120,10 +120,10 @@ def announce(
     source: ViewSource,
     folder: Path,
 ) -> Forecast:
-    """Say what a run would do, and warn if the disk has no room for it.
+    """Print what a run would do, and warn if the disk has no room for it.
 
     Args:
-        counts: lines that say how many configurations, or runs and steps, there are.
+        counts: lines with the numbers of configurations, or of runs and steps.
         source: of the views. The time is that of this machine alone, wherever views would be made.
         folder: of the results.
     """
@@ -222,7 +222,7 @@ def exposures_assumed(loaded: Sequence[tuple[SweepFile, Scene]], source: ViewSou
 
 
 def _newest(folder: Path) -> list[FileSum]:
-    """What the newest files of a folder say of themselves, those alone that say how long they took."""
+    """The records of the newest files of a folder that have the seconds they took."""
     found = heapq.nlargest(MOST_PAST_VIEWS, _sums_of(folder))
     known = [(read_sums(Path(path.removesuffix(SUFFIX))) or [None])[-1] for _, path in found]
     return [each for each in known if each is not None and "seconds" in each.facts]
@@ -245,7 +245,7 @@ def _sums_of(folder: Path) -> Iterator[tuple[int, str]]:
 
 
 def _alike(known: Sequence[FileSum], item: Acquisition) -> list[FileSum]:
-    """Those of as many pixels; none if they are too few to say anything."""
+    """Those of as many pixels; none if they are too few for a mean."""
     found = [each for each in known if each.facts.get("pixels") == _pixels(item)]
     return found if len(found) >= LEAST_KNOWN else []
 

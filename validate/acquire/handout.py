@@ -1,4 +1,4 @@
-"""Which job a free worker gets next, and what becomes of the jobs of workers that died. Knows nothing of Dask.
+"""Which job a free worker gets next, and what becomes of the jobs of workers that died. Independent of Dask.
 
 A worker has one job at a time, so that a death is counted against the job that the worker had, and against no other.
 """
@@ -13,14 +13,14 @@ from validate.acquire.job import Job
 __all__ = ["MOST_DEATHS", "Handout"]
 
 # Workers that may die of a job before it has failed: memory may have been short for a moment, and of a worker that dies
-# while it starts, its job knows nothing. As many as a call has in `validate.acquire.queue`.
+# while it starts, its job is unaffected. As many as a call has in `validate.acquire.queue`.
 MOST_DEATHS = 3
 
 
 class Handout:
     """The jobs of a run: views, each after the light of its scene state.
 
-    Few states are begun at a time: a worker stays with one as long as it has views that nobody makes, then begins the
+    Few states are begun at a time: a worker stays with one as long as it has unassigned views, then begins the
     next state (the light of several states is solved at once), and helps others when no state is left to begin.
 
     Args:

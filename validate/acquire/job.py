@@ -1,7 +1,7 @@
 """What a worker process does: solve a scene state's light, or render and measure a view. One job at a time.
 
 A worker keeps the scene state that it was sent last, and Mitsuba's scene of it. What it makes goes into the store; back
-goes only what the tables need and the store does not say.
+goes only what the tables need and the store does not hold.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from validate.markers.view_measurement import load_measurement, measure
 
 __all__ = ["Job", "Made", "Measuring", "Place", "cores_here", "work"]
 
-# The resource by which a Dask worker says how many cores are its own (`dask worker --resources cores=4`).
+# The resource by which a Dask worker reports how many cores are its own (`dask worker --resources cores=4`).
 CORES = "cores"
 
 
@@ -41,7 +41,7 @@ class Place:
         store: a folder's absolute path, or an address.
         variant: of Mitsuba.
         renderer: the identity that the run's views name (`Backend.identity`).
-        cores: for each worker; None: those that the worker says it has.
+        cores: for each worker; None: those that the worker reports.
     """
 
     store: str

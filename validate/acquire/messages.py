@@ -1,4 +1,4 @@
-"""What a run says while it goes on: to people on the screen, to programs in `events.jsonl`."""
+"""Messages of a run: to people on the screen, to programs in `events.jsonl`."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ PLAIN_WIDTH = 140
 
 
 class RunMessages:
-    """A context around a run; `messages(total)` counts the views of one pass, as `acquire` asks for it.
+    """A context around a run; `messages(total)` counts the views of one pass, as `acquire` requests it.
 
-    Nothing is written before `start`, so that a mistake that is found until then leaves no folder. If the context ends
-    with an exception, the last event says which, and the exception goes on.
+    Nothing is written before `start`, so that a mistake found until then creates no folder. If the context ends
+    with an exception, the last event names it, and the exception propagates.
 
     Args:
         quiet: whether only errors and the last line are printed. Warnings are among the events all the same.
@@ -85,15 +85,15 @@ class RunMessages:
         self._event("started", command=command, **fields)
 
     def light_solved(self, state: str, took_s: float) -> None:
-        """The light of a scene state was solved before any view was asked for."""
+        """The light of a scene state was solved before any view was requested."""
         self._event("light-solved", state=state, took_s=round(took_s, 3))
 
     def note(self, line: str) -> None:
-        """Say what is being done."""
+        """Print what is being done."""
         self.notes.print(line, markup=False, soft_wrap=True)
 
     def warn(self, line: str) -> None:
-        """Say, in one yellow line, what the results should be read with."""
+        """Print a caveat about the results, in one yellow line."""
         self.notes.print(line, style="yellow", markup=False, highlight=False, soft_wrap=True)
         self._event("warning", text=line)
 
@@ -108,12 +108,12 @@ class RunMessages:
             self.errors.print(f"{names[key]} failed: {cause}", markup=False, style="red", soft_wrap=True)
 
     def left_out(self, line: str) -> None:
-        """Say, quiet or not, what the results are without because of failed views."""
+        """Report, quiet or not, which results are missing because of failed views."""
         self.errors.print(line, markup=False, style="red", soft_wrap=True)
         self._event("left-out", text=line)
 
     def end(self, exit_code: int, line: str, acquired: Acquired) -> int:
-        """Print the last line, which says where the results are, and give the exit code back."""
+        """Print the last line, which names the results' folder, and return the exit code."""
         self._last.print(line, markup=False, soft_wrap=True)
         self._event(
             "finished",

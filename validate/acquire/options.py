@@ -24,7 +24,7 @@ class Scale:
     cluster: Annotated[str | None, tyro.conf.arg(metavar="ADDRESS")] = None
 
     def check(self) -> None:
-        """Say what the user got wrong, before anything is done.
+        """Report the user's mistakes before anything is done.
 
         Raises:
             RangeError: both options, or a number that is not allowed.

@@ -21,7 +21,7 @@ __all__ = ["WorkerPool", "end_worker"]
 
 T = TypeVar("T")
 
-# s, for a worker to end after it was told to; what it holds up is only the prompt.
+# s, for a worker to end after a request to stop; only the prompt waits for it.
 SECONDS_TO_STOP = 5.0
 
 
@@ -74,7 +74,7 @@ def _start_worker() -> None:
 
 
 def end_worker(_signal: int, _frame: object) -> None:
-    """End this process at once, without a half-written file: what a worker does if it is told to stop."""
+    """End this process at once, without a half-written file: a worker does so on a request to stop."""
     # Not by an exception: the pool would catch it as the task's and go on with the next.
     discard_unfinished()
     os._exit(128 + signal.SIGTERM)

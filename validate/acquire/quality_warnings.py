@@ -1,4 +1,4 @@
-"""What a run says aloud of its views once they are there: too much sampling noise, too much or too little light."""
+"""Warnings about acquired views: too much sampling noise, too much or too little light."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SATURATED_SHARE = 0.001
 def warn_of_render_noise(
     requested: Sequence[Acquisition], acquired: Acquired, warn: Callable[[str], None], names: Mapping[str, str]
 ) -> None:
-    """Say which views have more sampling noise than was asked, in one line; `names` by the views' hashes."""
+    """Name the views with more sampling noise than requested, in one line; `names` by the views' hashes."""
     bounds = {item.request.key: item.request.sampling.noise_ratio for item in requested}
     missed = {
         key: certificate.edge_p999
@@ -30,8 +30,8 @@ def warn_of_render_noise(
     if missed:
         worst = max(missed, key=lambda key: missed[key])
         warn(
-            f"{len(missed)} of {len(bounds)} views have more sampling noise at the edges of markers than was asked; "
-            f"the worst is {names[worst]}: {missed[worst]:.2f} of the sensor's noise, asked: {bounds[worst]:g} "
+            f"{len(missed)} of {len(bounds)} views have more sampling noise at the edges of markers than requested; "
+            f"the worst is {names[worst]}: {missed[worst]:.2f} of the sensor's noise, requested: {bounds[worst]:g} "
             "(99.9th percentile)"
         )
 
@@ -59,7 +59,7 @@ def warn_of_darkness(
 def warn_of_saturation(
     requested: Sequence[Acquisition], acquired: Acquired, warn: Callable[[str], None], names: Mapping[str, str]
 ) -> None:
-    """Say which views are overexposed where it counts, and what helps: edges that saturate seem to lie elsewhere.
+    """Name the views whose markers saturate, and a remedy: saturated edges appear displaced.
 
     Args:
         names: what people call the views, by their hashes.

@@ -1,6 +1,6 @@
 """Calls that wait for worker processes; a process that is killed takes no other call's result with it.
 
-If one worker dies (out of memory, say), `concurrent.futures` declares the whole pool broken, and nobody knows whose
+If one worker dies (out of memory, say), `concurrent.futures` declares the whole pool broken, and it is unknown whose
 call it was. So a new pool is started, and each call that was under way is made again, alone: only one that breaks the
 pool by itself, and more than once, has failed.
 """
@@ -20,7 +20,7 @@ __all__ = ["WorkerQueue"]
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 # A call is made alone so often before it has failed: memory may have been short for a moment, and of a worker that dies
-# while it starts, its call knows nothing.
+# while it starts, its call is unaffected.
 MOST_TIMES_ALONE = 3
 
 Call = tuple[Callable[..., Any], tuple[object, ...]]

@@ -1,4 +1,4 @@
-"""What is wanted of views, and what came of it."""
+"""Requests for views, and their results."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class LightError(PSSError, RuntimeError):
 
 @dataclass(frozen=True)
 class Acquisition:
-    """A view that is wanted, with the trials to be measured on it."""
+    """A requested view, with the trials to be measured on it."""
 
     request: ViewRequest
     seed: int
@@ -52,11 +52,11 @@ def views_of(
 
 @dataclass
 class Acquired:
-    """What came of the wanted views; keys are the views' hashes (`measured`: with seed and trials).
+    """The results of the requested views; keys are the views' hashes (`measured`: with seed and trials).
 
-    `appearances` says how the markers of each scene state look, by the state's hash, from its solved light;
-    `failed` says why a view is missing. `rendered`, `render_seconds` and `measured_items` are of this run itself,
-    `stored_seconds` (s) what rendering took another run, where the store has that.
+    `appearances` are the markers' radiances of each scene state, by the state's hash, from its solved light;
+    `failed` gives the reason why a view is missing. `rendered`, `render_seconds` and `measured_items` are of this run
+    itself, `stored_seconds` (s) what rendering took another run, where the store has that.
     """
 
     measured: dict[Acquisition, ViewMeasurement] = field(default_factory=dict)

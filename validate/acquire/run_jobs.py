@@ -1,4 +1,4 @@
-"""Views made by workers: jobs are handed out, and what comes back is counted, told and kept."""
+"""Views made by workers: jobs are handed out, and results are counted, reported and kept."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def make_on_workers(
 
 
 def jobs_of(todo: Sequence[Acquisition], place: Place, store: Store) -> dict[str, tuple[Job, list[Acquisition]]]:
-    """A job for each view, by the view's hash, with all that is wanted of it; those of one scene state together."""
+    """A job for each view, by the view's hash, with all its requests; those of one scene state together."""
     requested: dict[str, list[Acquisition]] = {}
     for item in by_state(todo):
         requested.setdefault(item.request.key, []).append(item)

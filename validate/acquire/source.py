@@ -57,7 +57,7 @@ def open_source(address: str, variant: str | None, messages: RunMessages, scale:
     """Choose the backend, print which one it is, and open the store.
 
     Args:
-        address: a store's folder, or an address that fsspec knows.
+        address: a store's folder, or an address that fsspec supports.
         variant: Mitsuba's variant; None for LLVM if a libLLVM is found, else scalar.
 
     Raises:
@@ -83,5 +83,5 @@ def warn_of_quality(
 
 
 def end_run(line: str, acquired: Acquired, messages: RunMessages) -> int:
-    """Print the run's last line; the exit code, which tells whether a view failed."""
+    """Print the run's last line; return the exit code, which reports whether a view failed."""
     return messages.end(EXIT_FAILED if acquired.failed else EXIT_DONE, line, acquired)

@@ -1,4 +1,4 @@
-"""Bring a decoded marker's ideal image to within a small part of a pixel of the capture, and tell its blur.
+"""Align a decoded marker's ideal image with the capture to a small part of a pixel, and estimate its blur.
 
 Inverse compositional registration: the capture is drawn onto the marker's own grid, where the ideal image and what
 moves it never change, so that the least squares solution of a step is one product with a matrix made once a marker.

@@ -114,7 +114,7 @@ def centre_bound(
     none = np.zeros_like(place)
     moves_x = np.concatenate([place, none, -x * place])[:8] / c
     moves_y = np.concatenate([none, place, -y * place])[:8] / c
-    # A pattern that moves right leaves a pixel with what was to its left.
+    # Under a pattern that moves right, a pixel gets the value from its left.
     derivatives = -(moves_x * by_x[inside] + moves_y * by_y[inside])
     levels = np.stack([electrons[inside], np.ones_like(u)])
     information = fisher_information(electrons[inside], np.concatenate([derivatives, levels]), sensor)

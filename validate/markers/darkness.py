@@ -27,7 +27,7 @@ def markers_too_dark(evaluation: Evaluation, sensor: ImageSensor) -> Bools:
 def brightest_in_view(views: Views, sensor: ImageSensor) -> list[tuple[float, float, int]]:
     """Of each camera: contrast over noise, electrons of white, and number of the best lit marker in view and facing it.
 
-    What may hide it is not asked. (0, 0, −1) where none is in view.
+    Occlusion is ignored. (0, 0, −1) where none is in view.
     """
     contrast, (white, _) = contrast_over_noise(views, sensor), sides_e(views, _appearance(views), sensor)
     found = []

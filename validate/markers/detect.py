@@ -54,7 +54,7 @@ MEDIAN_DIFFERENCE = 0.954
 QUIET_WINDOWS_PX, NOISY_WINDOWS_PX = (3, 13), (5, 15)
 # Grey levels that black is below the local mean.
 QUIET_THRESHOLD, NOISY_THRESHOLD = 8.0, 10.0
-# px, perimeter of the smallest marker. OpenCV's default asks 3 % of the image's longer side each.
+# px, perimeter of the smallest marker. OpenCV's default is 3 % of the image's longer side each.
 SMALLEST_PERIMETER_PX = 24.0
 # A module is decoded from the inner 3 × 3 of 5 × 5 samples.
 SAMPLES_PER_MODULE, IGNORED_MARGIN = 5, 0.2

@@ -1,9 +1,9 @@
 """Localise a marker's centre by registering its own ideal image to the capture, with the covariance of the result.
 
-The decoded marker tells what its image should look like. A coarse registration starts from the detector's corners; then
+The decoded marker determines its ideal image. A coarse registration starts from the detector's corners; then
 the pixels on the marker are fitted, each with the weight of its own noise (the sensor's calibration turns grey values
-into noise, as in a real camera). The covariance is the inverse of that fit's Fisher matrix, and the fit's residuals say
-whether the marker was what it was taken for. Nothing of it knows the truth.
+into noise, as in a real camera). The covariance is the inverse of that fit's Fisher matrix, and the fit's residuals
+test whether the marker was identified correctly. The true positions are not used.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from validate.markers.registration import Fit, Linearised, Pixels, centre_of, lo
 __all__ = ["Localised", "Refusal", "localise", "register"]
 
 
-# Pixels count this far beyond the black border: inside the quiet zone, so that what lies beyond the plate stays out.
+# Pixels count this far beyond the black border: inside the quiet zone, so that nothing beyond the plate counts.
 # Where the plate's edge is blurred, its blur does, but never so much that the border's own edge goes with it.
 MARGIN_MODULES, SMALLEST_MARGIN_MODULES = 0.75, 0.25
 # px from its centre that a pixel reaches, along its diagonal.
@@ -47,7 +47,7 @@ MOST_STEPS = 12
 # The ideal image is drawn anew where the fit's blur is further from it than this share; within, its derivative serves.
 # Sharp edges have no such share: with the blur of a lens in focus they change by no straight line.
 SAME_BLUR_SHARE = 0.1
-# What registration leaves as a bias that no covariance from noise can know of: px (σ per axis) of a marker that stands
+# Residual bias of registration, which a covariance from noise does not contain: px (σ per axis) of a marker that stands
 # on its corner, times the px of a module across its shorter side. Corners of modules make it, each a smaller part of a
 # larger marker, and none of a level one; RMS measured on noise-free drawings (benchmarks/README.md).
 CORNER_BIAS_PX2 = 0.005
@@ -97,7 +97,7 @@ def localise(
 def register(
     capture_dn: NDArray[np.uint16], corners_px: AnyFloats, marker_id: int, dictionary: str, sensor: ImageSensor
 ) -> Localised | Refusal:
-    """Register one decoded marker, or say why not.
+    """Register one decoded marker, or give the reason for failure.
 
     Args:
         capture_dn: digital numbers, (height, width).
@@ -137,7 +137,7 @@ def register(
     if not chi2 < largest or linearised.correlation < SMALLEST_CORRELATION:
         return Refusal.UNLIKE
     to_px = local_scale(fit.homography) * half
-    # Residuals larger than the noise are those of the model: then it says less of the centre, too.
+    # Residuals larger than the noise are errors of the model: then the centre is less certain, too.
     covariance = max(chi2, 1.0) * to_px @ linearised.covariance[:2, :2] @ to_px.T
     covariance = (covariance + covariance.T) / 2 + _corner_bias_px(fit.homography) ** 2 * np.eye(2)
     return Localised(centre_of(fit.homography), covariance, linearised.correlation, chi2)

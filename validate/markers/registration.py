@@ -62,7 +62,7 @@ class Fit:
 class Pixels:
     """Pixels of a capture: columns and rows `x`, `y` counted from `origin` (2,), and digital numbers `dn`, (N,) each.
 
-    From an origin beside them single precision tells a hundred-thousandth of a pixel apart.
+    From an origin beside them, single precision resolves a hundred-thousandth of a pixel.
     """
 
     x: Images

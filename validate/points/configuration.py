@@ -22,7 +22,7 @@ __all__ = ["Measured", "measure_configuration", "triangulated_errors"]
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """What the images of one configuration say, whatever the noise model.
+    """Measurements from the images of one configuration, independent of the noise model.
 
     Attributes:
         errors: of the maximum likelihood estimate over all views.

@@ -1,7 +1,7 @@
 """From detections to 3D points: `cv2.triangulatePoints` as the start, then maximum likelihood over all views.
 
 One estimator measures for all metrics and noise models alike: each detection has the weight of its own covariance, as
-estimated from its image, and never that of a noise model under test. Nothing here knows the truth or a prediction.
+estimated from its image, and never that of a noise model under test. Neither the truth nor a prediction is used.
 """
 
 from __future__ import annotations
@@ -28,15 +28,16 @@ VIEWS_TO_TRIANGULATE = 2
 # The reprojection χ² that detections with exactly their stated covariance exceed once in a million points …
 BLUNDER_TAIL = 1e-6
 # … is raised to residuals five times as large. The detector's bias is frozen into the image: no covariance estimated
-# from that image contains it, and to throw out detections for it would flatter the measured error. What this leaves to
-# be found, a wrong id or a corner taken for another, is off by tens of standard deviations.
+# from that image contains it, and rejecting detections for it would make the measured error too small. What this leaves
+# to be found, a wrong id or a corner taken for another, is off by tens of standard deviations.
 BLUNDER_INFLATION = 25.0
 # A point in front of a camera has a depth in this range; between them no power in this module overflows.
 NEAREST_M, FARTHEST_M = 1e-3, 1e6
 # What a view adds to χ² if the point is outside that range: worse than any residual on a sensor, but finite, so that a
 # point behind one view is better than a point behind two.
 OUT_OF_SIGHT_CHI2 = 1e18
-# A step that promises less, relative to 1 + χ², is the last one: 1e-6 standard deviations where χ² is of order one.
+# A step with a smaller expected decrease, relative to 1 + χ², is the last one: 1e-6 standard deviations where χ² is of
+# order one.
 SMALLEST_GAIN = 1e-12
 MAX_ITERATIONS = 40
 # Levenberg–Marquardt damping, relative to the mean eigenvalue; so small a start makes the first step Gauss–Newton's.
@@ -44,7 +45,7 @@ FIRST_DAMPING, DAMPING_UP, DAMPING_DOWN = 1e-9, 100.0, 0.1
 # Keeps the normal matrix regular for a point that no view sees.
 TINY = 1e-300
 SMALLEST_INFORMATION_RATIO = 1e-13
-"""Smallest over largest eigenvalue: rays closer to parallel than double precision can tell apart carry no depth."""
+"""Smallest over largest eigenvalue: rays closer to parallel than double precision resolves carry no depth."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +74,7 @@ def triangulate(cameras: Sequence[PTZCamera], pixels: ArrayLike, covariance: Arr
 
     A point whose reprojection χ² has a tail below `BLUNDER_TAIL` (χ² first divided by `BLUNDER_INFLATION`) loses the
     detection whose removal leaves the smallest χ², again and again; if two views are left and still disagree, it is
-    not triangulated. One blunder among three views is told apart only as far as it is off the epipolar lines.
+    not triangulated. One blunder among three views is identifiable only by its distance from the epipolar lines.
 
     Args:
         cameras: the C views.
@@ -103,7 +104,7 @@ def triangulate(cameras: Sequence[PTZCamera], pixels: ArrayLike, covariance: Arr
 def triangulated_points(
     cameras: Sequence[PTZCamera], pixels: Floats, detected: Bools, weight: Floats
 ) -> tuple[Floats, Bools, Integers]:
-    """`points_m`, `used` and `rejected` of `triangulate`, for whoever asks for many configurations of the same views.
+    """`points_m`, `used` and `rejected` of `triangulate`, for many configurations of the same views.
 
     Args:
         cameras: the C views.
@@ -208,14 +209,14 @@ def _chi2_limits(most: int) -> Floats:
 class _Bundle:
     """M points (of all trials) as C views saw them.
 
-    The methods take S problems: `item` (S,) says which of the M points, `used` (C, S) which views of it, so that one
-    point can be solved with several choices of views at once.
+    The methods take S problems: `item` (S,) is the index among the M points, `used` (C, S) which views of it, so that
+    one point can be solved with several choices of views at once.
     """
 
     def __init__(self, cameras: Sequence[PTZCamera], pixels: Floats, weight: Floats) -> None:
         self.cameras, self.pixels, self.weight = cameras, pixels, weight
         self.projection = [camera.projection_matrix for camera in cameras]
-        # Made once: the search asks for projections ten times.
+        # Computed once: the search projects ten times.
         self.arrays = [Cameras([camera]) for camera in cameras]
         # The linear start and the angles between rays are those of lenses without distortion.
         self.straight = np.stack([camera.undistorted_px(of) for camera, of in zip(cameras, pixels, strict=True)])

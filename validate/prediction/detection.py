@@ -3,8 +3,8 @@
 Only targets count that are in view as a whole with nothing before them: the rest is geometry and needs no fit. The
 trials of one render share nearly all that decides (of the pairs of view and marker in training, one in twenty is found
 in some trials and missed in others), so that a render counts as one trial that was found with the share of its trials.
-Coefficients have the largest likelihood; those of the parts are not negative. How good they are is told by what each
-training camera's markers say of a fit without them. The result is judged on other views.
+Coefficients have the largest likelihood; those of the parts are not negative. Their quality is
+estimated by cross-validation over the training cameras. The result is evaluated on other views.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class DetectionTrials:
 
 @dataclass(frozen=True)
 class FittedDetection:
-    """Coefficients as `pss.DetectionModel` has them, and what left-out training cameras say of the fit.
+    """Coefficients as `pss.DetectionModel` has them, and the fit's cross-validation over the training cameras.
 
     Attributes:
         held_back_log_loss, held_back_brier: of each camera's markers by a fit without that camera.
@@ -84,7 +84,7 @@ class FittedDetection:
 
     @property
     def provenance(self) -> dict[str, int | float]:
-        """What a calibration's file says of the fit."""
+        """The record of the fit in a calibration's file."""
         return {
             "detection_pairs": self.pairs,
             "detection_log_loss_held_back": self.held_back_log_loss,

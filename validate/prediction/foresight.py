@@ -80,7 +80,7 @@ class Foreseen:
 
     @property
     def too_small(self) -> Bools:
-        """(C, N), whole in view, but with modules too small to be told apart."""
+        """(C, N), whole in view, but with modules too small to be resolved."""
         return self.whole & (self.module_px < SMALLEST_MODULE_PX)
 
     @property
@@ -110,7 +110,7 @@ class Foreseen:
 
 
 def foresee(scene: Scene) -> Foreseen:
-    """What the metric says of all cameras of a scene, in the light as it is estimated."""
+    """The metric's prediction for all cameras of a scene, in the estimated light."""
     state = scene.state
     appearance = estimated_appearance(state)
     scene = exposed(scene, scene.cameras, appearance)
@@ -139,7 +139,7 @@ def foresee(scene: Scene) -> Foreseen:
 
 
 def camera_rows(seen: Foreseen) -> list[Row]:
-    """A row for each camera; what is said of markers is of those that it sees."""
+    """A row for each camera; figures of markers are of those that it sees."""
     rows: list[Row] = []
     for number, camera in enumerate(seen.scene.cameras):
         of = seen.visible[number]

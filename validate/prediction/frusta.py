@@ -19,7 +19,7 @@ __all__ = ["Frustum", "frustum", "room_corners"]
 class Frustum:
     """In metres: `apex` (3,), `ends` (4, 3) of the edges, `plane` (V, 3) with `faces` (F, 3), unit `axis` (3,).
 
-    The plane in focus has no vertices if none of it lies in the room.
+    The plane in focus has no vertices if it does not cross the room.
     """
 
     apex: Floats

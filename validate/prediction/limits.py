@@ -1,7 +1,7 @@
 """Fit the limits of detection to who was found on training views: the smallest module and the largest blur.
 
 Only targets count that are in view as a whole with nothing before them: the rest is geometry and needs no fit. The
-limits are those by which most detections and misses are told right. The result is judged on other views.
+limits are those that classify most detections and misses correctly. The result is evaluated on other views.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from pss.visibility.targets import TARGET_VISIBILITY, blur_modules, narrow_side_
 __all__ = ["FittedLimits", "fit_limits", "limits_of_targets", "whole_targets"]
 
 
-# Steps that are finer than what some hundred markers near a limit tell.
+# Steps finer than what some hundred markers near a limit can resolve.
 SMALLEST_MODULES_PX = np.arange(10, 61) / 10
 LARGEST_BLURS = np.arange(4, 61) / 20
 
 
 @dataclass(frozen=True)
 class FittedLimits:
-    """The limits, and how they tell the pairs of view and marker that they were fitted to.
+    """The limits, and how they classify the pairs of view and marker that they were fitted to.
 
     Attributes:
         found_within, found_beyond: share of the trials in which markers within and beyond the limits were found.
@@ -50,7 +50,7 @@ class FittedLimits:
 
     @property
     def provenance(self) -> dict[str, int | float]:
-        """What a calibration's file says of how they were found."""
+        """The record of the fit in a calibration's file."""
         return {
             "markers_within_limits": self.pairs[0],
             "found_within_limits": self.found_within,
@@ -62,7 +62,7 @@ class FittedLimits:
 def fit_limits(
     views: Views, occluders: tuple[Shape, ...], detection_rate: Floats, sensor: ImageSensor | None = None
 ) -> FittedLimits:
-    """The limits by which most of the trials are told right.
+    """The limits that classify most of the trials correctly.
 
     Args:
         views: of the training cameras, with normals and appearance.
@@ -94,7 +94,7 @@ def limits_of_targets(module: Floats, blur: Floats, rate: Floats) -> FittedLimit
     """
     if not len(module):
         raise RangeError("no view has a whole marker in it; allowed: at least one to fit limits of detection to")
-    # What is told right: what is found of those within the limits, what is missed of those beyond.
+    # Classified correctly: found within the limits, missed beyond them.
     large, sharp = module >= SMALLEST_MODULES_PX[:, None], blur <= LARGEST_BLURS[:, None]
     gain = (large * (2 * rate - 1)) @ sharp.T.astype(float)
     # Several are alike where no marker lies between them: the middle one, first of the modules, then of the blurs.

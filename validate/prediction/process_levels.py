@@ -1,8 +1,8 @@
 """Levels of process noise from "all measurement" to "all process", and the rule by which one of them is the headline.
 
 With much process noise a filter forgets in one frame, σ∞ is the step between frames wherever a point is measured at
-all, and PSS counts points. With little it averages over many frames. Only in between does σ∞ ask how well a point is
-measured and by which process it moves. Where that is depends on q/c: the variance q that a point's position gathers
+all, and PSS counts points. With little it averages over many frames. Only in between does σ∞ depend on how well a point
+is measured and by which process it moves. Where that is depends on q/c: the variance q that a point's position gathers
 between two frames, over the variance c of a single frame's triangulation.
 
 - Random walk: q is the square of the step.
@@ -12,7 +12,7 @@ between two frames, over the variance c of a single frame's triangulation.
   0.05 mm has q/c = 15,000; q/c = 1 takes 740 frames/s.
 
 The headline is where q is nearest to c on a logarithmic scale. c is the median that is *predicted* for training views:
-nothing of what is judged, and no measurement, has a say in it.
+neither the evaluated configurations nor any measurement influence it.
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ __all__ = [
 
 # Trials in which a marker must have been detected for its moment to count.
 FEWEST_DETECTIONS = 5
-# A moment this many times what the fit says (tr(R⁻¹S)/2) is a blunder of the detector, not its noise: left out and
+# A moment this many times that of the fit (tr(R⁻¹S)/2) is a blunder of the detector, not its noise: left out and
 # counted. For ten trials of Gaussian noise, one in 1e12 is.
 BLUNDER_RATIO = 6.0
 # A factor that improves the log likelihood by less than this (per moment it is far less than its noise) is left out.

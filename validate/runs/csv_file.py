@@ -1,8 +1,8 @@
-"""CSV files that a spreadsheet takes for text and numbers, and for nothing else; the only reader and writer of them.
+"""Reader and writer of CSV files that a spreadsheet opens as text and numbers, never as formulas.
 
 A spreadsheet computes cells that begin with =, +, - or @ (or with a tab or a line's end before these), also where the
-file quotes them: OWASP, "CSV Injection". Such a text, as a sweep file's name may be, gets an apostrophe before it, that
-spreadsheets do not show and `read_csv` takes away. Numbers stay numbers.
+file quotes them: OWASP, "CSV Injection". Such a text (for example, the name of a sweep file) gets a leading
+apostrophe, which spreadsheets hide and `read_csv` removes. Numbers stay numbers.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def csv_text(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
 
 
 class Row(dict[str, str]):
-    """A row of a CSV file by the names in its head; it knows its place, so that whoever misses something can name it.
+    """A row of a CSV file by the names in its head, with its place in the file for error messages.
 
     Attributes:
         place: the file and the number of the line that the row ends in.

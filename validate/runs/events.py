@@ -1,6 +1,6 @@
 """What happens in a run, for programs: `events.jsonl` in its folder, a JSON object a line, added as it happens.
 
-A run must not fail because it cannot say how it goes: what cannot be written is left out, and one line says so. Events
+A run must not fail because an event cannot be written: it is skipped, and one line reports that. Events
 have numbers, so that a reader finds what is missing. A line that a power cut or a full disk tore stays as it is, and
 the next one begins behind it on a line of its own.
 
@@ -44,7 +44,7 @@ class EventFile:
         self._number = 0
 
     def write(self, event: str, **fields: object) -> None:
-        """Add an event; what is said of it must go into JSON."""
+        """Add an event; its fields must be representable in JSON."""
         now = datetime.datetime.now(datetime.UTC).isoformat(timespec="milliseconds")
         content = {
             "time": now,

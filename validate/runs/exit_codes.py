@@ -1,4 +1,4 @@
-"""What the command's exit codes say; docs/runs.md is the page for users."""
+"""Exit codes of the command; docs/runs.md describes them for users."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = [
 ]
 
 EXIT_DONE, EXIT_FAILED, EXIT_MISTAKE, EXIT_INTERRUPTED = 0, 1, 2, 130
-# Python's own 1 for an uncaught exception would say "done, with failed views"; this is what sysexits.h has for it.
+# Python's own 1 for an uncaught exception would mean "done, with failed views"; 70 is EX_SOFTWARE of sysexits.h.
 EXIT_BROKEN = 70
 
 # What shells report of a program that ends by SIGPIPE, as most do.

@@ -1,7 +1,7 @@
 """One command at a time writes into a folder of results: tables of two runs would lie side by side.
 
 The folder's file `.in-use` is locked while a command writes. A lock ends with its process, however that ends: what a
-killed process leaves blocks nobody. Where the file system has no locks, nothing is refused.
+killed process leaves behind blocks no other run. Where the file system has no locks, nothing is refused.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ def remember_interrupts() -> None:
 
 
 def raise_if_interrupted() -> None:
-    """Raise the interrupt that came since, if nobody saw it."""
+    """Raise an interrupt that arrived meanwhile and was not handled."""
     if _interrupted:
         raise KeyboardInterrupt
 

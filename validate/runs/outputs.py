@@ -23,7 +23,7 @@ def check_folders(out: Path, store: str) -> None:
     Raises:
         StoreError: a file is in the way, or the folder of results cannot be written.
     """
-    # A store that has all that is wanted need not be writable.
+    # A store that holds all requested views need not be writable.
     if not is_address(store) and Path(store).exists() and not Path(store).is_dir():
         raise StoreError(f"--store {store} is a file; allowed is a folder")
     if out.exists() and not out.is_dir():

@@ -1,4 +1,4 @@
-"""What the program is called, which versions it is made of, and its end where nobody reads what it prints."""
+"""The program's name, the versions of its libraries, and its exit when the output pipe is closed."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def with_quiet_end(run: Callable[[], int]) -> int:
 
 
 def output_is_closed() -> bool:
-    """Whether standard output or errors go to a pipe that nobody reads; a broken pipe may also be one to a worker."""
+    """Whether standard output or error is a closed pipe; a broken pipe may also be one to a worker."""
     return any(_is_closed(stream.fileno()) for stream in (sys.stdout, sys.stderr))
 
 

@@ -15,7 +15,7 @@ from validate.runs.events import EventFile
 
 __all__ = ["ViewProgress", "clock"]
 
-# Until views of this run say better, a view is expected to take what it took on two cores (benchmarks/README.md).
+# Expected seconds of a view until this run has measured its own: those on two cores (benchmarks/README.md).
 EXPECTED_SECONDS = 4.5
 # What solving the light of a scene state, and measuring one capture, takes there.
 EXPECTED_LIGHT_SECONDS, EXPECTED_MEASURE_SECONDS = 13.0, 0.6
@@ -77,7 +77,7 @@ class ViewProgress:
         return f"about {clock(rate * (self.total - self.done))} left"
 
     def note(self, what: str) -> None:
-        """Say what is going on."""
+        """Print what is being done."""
         if self._bar and self._task is not None:
             self._bar.update(self._task, description=what, left=self.left())
 
@@ -109,7 +109,7 @@ class ViewProgress:
         self._event("view-rendered", request, took_s=round(took_s, 3))
 
     def measured(self, request: ViewRequest, took_s: float | None) -> None:
-        """A view is measured, and so done; None where nobody knows how long it took."""
+        """A view is measured, and so done; None where its time is unknown."""
         self.advance(f"measured camera {request.camera.name}")
         self._event("view-measured", request, took_s=None if took_s is None else round(took_s, 3))
 

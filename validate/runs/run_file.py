@@ -1,6 +1,6 @@
 """`run.json` of a folder of results: the only reader and writer of it.
 
-A stranger may have written one: it is read whole, or refused in one line.
+The file may come from elsewhere: it is read whole, or refused in one line.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ __all__ = ["TABLE_KINDS", "table_text", "written"]
 
 TABLE_KINDS = ("csv", "md", "tex")
 """Comma-separated values, Markdown, LaTeX (tabular with booktabs' rules)."""
-# CSV keeps what tells any two measured numbers apart; a printed table, what a reader takes in.
+# CSV keeps enough digits to distinguish any two measured numbers; a printed table is rounded for reading.
 CSV_DIGITS, PRINTED_DIGITS = 7, 4
 # What would be code, emphasis, a formula, HTML or a link; a lone bracket is none.
 MARKDOWN_SIGNS = re.compile(r"[\\`*$<|]|(?<=\])\(")

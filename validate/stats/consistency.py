@@ -1,4 +1,4 @@
-"""Is an error as large as its covariance says? At three levels: pixel, single frame, filter.
+"""Consistency of errors with their covariance at three levels: pixel, single frame, filter.
 
 Convention: NEES is eᵀC⁻¹e of the error about the truth, over its degrees of freedom: 1 where C is right, above it where
 C is too small. Coverage is the share of errors within the ellipsoid that should hold 50, 90 or 95 % of them.
@@ -136,7 +136,7 @@ def anisotropy(moment: Floats, covariance: Floats, trials: NDArray[np.int64]) ->
     values = [np.linalg.eigh(matrix[known]) for matrix in (moment, covariance)]
     measured, predicted = (np.sqrt(v[:, -1] / np.maximum(v[:, 0], 1e-300)) for v, _ in values)
     cosine = np.abs((values[0][1][:, :, -1] * values[1][1][:, :, -1]).sum(axis=1))
-    # A direction says something where the ellipsoid is long.
+    # The direction is meaningful only where the ellipsoid is elongated.
     long = predicted > 2
     count = np.asarray(trials)[known]
     sampled = after_trials(covariance[known], count, np.random.default_rng(0))

@@ -37,7 +37,7 @@ __all__ = ["LEVEL", "Judged", "Resamples", "Scale", "deviations", "mean_over_dra
 Scale = Literal["plain", "correlation", "positive", "share"]
 
 LEVEL = 0.95
-# Groups of configurations that are left out together, to tell the configurations' own chance.
+# Number of groups of configurations that are left out together, to estimate the variance due to configurations.
 GROUPS = 50
 # Closer to the end of its range than this a statistic has no scale of its own left.
 AT_THE_END = 1e-12
@@ -124,7 +124,7 @@ class Resamples:
         """A statistic, and itself on each of these resamples (B,).
 
         Args:
-            bound: no statistic lies beyond ± `bound`.
+            bound: no statistic exceeds ± `bound`.
             scale: on which its deviations are taken; None: "correlation" with a bound of 1, else "plain".
         """
         return Judged(estimate, samples, self, bound, scale or ("correlation" if bound == 1 else "plain"))
@@ -175,7 +175,7 @@ def _jackknife(samples: Floats) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """A statistic, itself with each unit left out (B,), and its 95 % interval; no statistic lies beyond ± `bound`.
+    """A statistic, itself with each unit left out (B,), and its 95 % interval; no statistic exceeds ± `bound`.
 
     Of a mean over independent draws of something else (`mean_over_draws`), `of_draws` are its values in each.
     """

@@ -1,4 +1,4 @@
-"""The measured error of one configuration: what trials of triangulation at known points say of its accuracy.
+"""The measured error of one configuration: its accuracy from trials of triangulation at known points.
 
 Everything is of the single-frame kind unless a caller hands in a filter's σ (`measured_pss`). σ is √λmax of the second
 moment E[eeᵀ], as the paper's σ∞ is √λmax of a covariance; the RMS is √tr of the same matrix. The second moment is about

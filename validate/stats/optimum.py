@@ -10,7 +10,7 @@ __all__ = ["FLAT", "NO_OPTIMUM", "optimum"]
 NO_OPTIMUM = "none"
 """What tables print where no step is best."""
 FLAT = "flat"
-"""What they print where none is told apart from another (`validate.sweeps.optima`)."""
+"""Printed where no step is distinguishable from another (`validate.sweeps.optima`)."""
 
 
 def optimum(values: ArrayLike) -> int | None:

@@ -130,7 +130,8 @@ def median_interval(values: ArrayLike) -> tuple[float, float, float]:
 def step_correlation(x: ArrayLike, y: ArrayLike) -> float:
     """Correlation from step to step of what decides ρ(x, y): of the ranks' products, their small-sample bias added.
 
-    A single series of a few tens of steps tells it to ± 0.2; intervals do not depend on it. nan if it has no spread.
+    A single series of a few tens of steps estimates it to ± 0.2; intervals do not depend on it. nan if it has no
+    spread.
     """
     x, y = _pair(x, y)
     steps = x.shape[1]

@@ -46,7 +46,7 @@ def test_without_saturation_nothing_is_said(shares):
 def test_noisy_views_are_counted_and_the_worst_is_named():
     output = reported(warn_of_render_noise, edge_p999=[0.5, 0.61, 1.36, float("nan")])
     assert output.startswith("2 of 4 views have more sampling noise ")
-    assert "1.36 of the sensor's noise, asked: 0.6 " in output
+    assert "1.36 of the sensor's noise, requested: 0.6 " in output
     assert "the worst is the view of camera 2 (pan 0°, tilt 0°, zoom 1, focus 4 m): 1.36" in output
     assert "\n" not in output
     assert reported(warn_of_render_noise, edge_p999=[0.6, 0.1]) == ""

@@ -380,7 +380,7 @@ def test_an_exposure_of_auto_is_chosen_said_and_kept(closet):
     assert "saturated" not in result.stderr
     found = re.fullmatch(
         r"exposure: (\S+) ms chosen "
-        r"\(brightest marker at (\d+)% of saturation, asked: 70%; it is (\d+) in camera (\w+)\)",
+        r"\(brightest marker at (\d+)% of saturation, requested: 70%; it is (\d+) in camera (\w+)\)",
         announced,
     )
     exposure_ms, percent, marker, camera = found.groups()
