@@ -28,13 +28,13 @@ def acquire_banks(banks: Sequence[ViewBank], source: ViewSource) -> tuple[Acquir
         if lost := len(bank.views) - len(kept.views):
             messages.left_out(
                 f"{bank.scene.path.stem}, {bank.role}: {lost} of {len(bank.views)} views left out, as a render of each "
-                "failed; the others are judged as if these had never been wanted"
+                "failed; the others are evaluated without them"
             )
     return acquired, whole
 
 
 def enough(training: ViewBank, judged: ViewBank, cameras: int, messages: RunMessages) -> bool:
-    """Whether there are views to calibrate on, and of so many cameras to judge; says so if not."""
+    """Whether there are views to calibrate on, and of so many cameras to evaluate; prints a line if not."""
     names = {camera.name for camera in judged.cameras}
     if training.views and len(names) >= cameras:
         return True

@@ -1,4 +1,4 @@
-"""Errors of calibration that nobody knows of: how large, how they displace detections, and the term in R for them.
+"""Unknown errors of calibration: their size, how they displace detections, and the term in R for them.
 
 The rendered camera stays the true one. The camera that triangulation assumes differs from it by errors of pan, tilt,
 focal length and place. There are two kinds:
@@ -106,7 +106,7 @@ def disturbed(camera: PTZCamera, sizes: CalibrationSizes, rng: np.random.Generat
 def _moved(camera: PTZCamera, errors: Floats) -> PTZCamera:
     """The camera with `errors` (6,), in the units and the order of `CalibrationSizes.sigmas`.
 
-    The zoom is what the motor is told; a wrong focal length is a wrong belief of the field of view that goes with it.
+    The zoom is the motor's set value; a wrong focal length is a wrong assumption of the field of view at that zoom.
     """
     pan, tilt, focal, *place = errors.tolist()
     if not any(errors):
@@ -200,7 +200,7 @@ def passing_covariance(data: BankData, sizes: CalibrationSizes, term_in_weights:
 
     Triangulation's test for blunders is for detections off by their own noise. With the term in the weights J Σ Jᵀ is
     added to each detection's own covariance (J at the true points; at the estimated ones it differs by the error over
-    the distance). Without it all are multiplied by one number, which leaves the estimates as they are.
+    the distance). Without it all are multiplied by one number, which does not change the estimates.
     """
     added = np.zeros((len(data.cameras), len(data.points_m), 2, 2))
     for view, camera in enumerate(data.cameras):

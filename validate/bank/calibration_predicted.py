@@ -59,7 +59,7 @@ class Predictions:
         return PredictedErrors.of(self._inverse(self._own_px2 + self._added_px2(sizes)))
 
     def propagated(self, sizes: CalibrationSizes) -> PredictedErrors:
-        """C + GΣGᵀ with G = C Σ HᵀR⁻¹J: of triangulation that knows nothing of the errors and weights by R alone."""
+        """C + GΣGᵀ with G = C Σ HᵀR⁻¹J: of triangulation that ignores the errors and weights by R alone."""
         weighted = self._jacobian.mT @ np.linalg.inv(self._own_px2)  # HᵀR⁻¹, (V, N, 3, 2)
         middle = self._sum(weighted @ self._added_px2(sizes) @ weighted.mT)
         plain = self._inverse(self._own_px2)

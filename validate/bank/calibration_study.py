@@ -3,7 +3,7 @@
 Like is compared with like. Over calibrations (each frame another one, or many frozen draws taken together) the measured
 second moment is that of C + GΣGᵀ if triangulation weights by its detections' own covariances, and of C with R + JΣJᵀ
 if it has the term in its weights. Within one frozen draw, as a user has it, the measured RMS is about the truth and
-contains a bias which no prediction knows: PSS and ρ of each draw by itself, then averaged over the draws. What a
+contains a bias unknown to any prediction: PSS and ρ of each draw by itself, then averaged over the draws. What a
 prediction can reach there at most is shown by the mean of the other draws' measured terms.
 """
 

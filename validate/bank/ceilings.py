@@ -37,7 +37,7 @@ def oracle_rows(bank: ViewBank, data: BankData, verdict: CountVerdict) -> list[R
     repeats, as the bias of a render, is taken to be true.
 
     "Oracle": its R are the moments of the pixel errors on one half of the trials, and it is judged on the other half.
-    It knows half of the trials and is judged on half, so that it may lie below a contender, which is judged on all.
+    It uses half of the trials and is evaluated on half, so that it may be below a contender evaluated on all.
     """
     halves = [data.residuals()[:, first::2] for first in (0, 1)]
     chance = verdict.chance
@@ -92,8 +92,8 @@ def parts_rows(
 ) -> list[Row]:
     """Parts of the prediction exchanged for what was measured, one at a time: which of them holds it back?
 
-    Each R with each kind of visibility, then for a prediction that knows which views find which marker (in half of the
-    trials or more), then the pixel errors themselves as R (of the same trials: the upper end, and no prediction).
+    Each R with each kind of visibility, then for a prediction that is given which views find which marker (in half of
+    the trials or more), then the pixel errors themselves as R (of the same trials: the upper end, and no prediction).
     """
     state = bank.scene.state
     views = Views(list(bank.cameras), state.points_m, state.normals, appearance_of(bank.scene, acquired))

@@ -143,7 +143,7 @@ def training_views(scene: Scene, design: BankDesign, renderer: str) -> ViewBank:
 def detection_views(scene: Scene, design: BankDesign, renderer: str) -> ViewBank:
     """The training cameras at any zoom and focus, for the probability of detection alone; one render a view.
 
-    Zoom and focus are spread evenly: of each camera's views, one lies in each equal part of either's logarithmic range.
+    Zoom and focus are spread evenly: each equal part of either's logarithmic range has one of a camera's views.
     """
     sampling, count = Sampling(noise_ratio=design.noise_ratio), design.detection_settings
     middle, views = scene.state.points_m.mean(axis=0), []
@@ -205,7 +205,7 @@ def _bank(scene: Scene, cameras: Sequence[PTZCamera], design: BankDesign, render
 
 
 def _setting(camera: PTZCamera, middle_m: Floats, design: BankDesign, rng: np.random.Generator) -> PTZCamera:
-    # A camera that zooms less than the design asks for is used as far as it goes; one that cannot zoom stays as it is.
+    # A camera that zooms less than the design requires is used up to its limit; one without zoom stays unchanged.
     low, high = (min(zoom, camera.max_zoom) for zoom in design.zoom)
     # Of a logarithm and back, an end of the range may come out beyond it.
     zoom = min(max(math.exp(rng.uniform(math.log(low), math.log(high))), low), high)

@@ -62,7 +62,7 @@ __all__ = [
 
 # Models that need no measurement.
 FREE_MODELS = ("as-printed", "corrected", "physical", "identity")
-# Under the models beside the one that all metrics are asked under.
+# Under the models other than the one under which all metrics are evaluated.
 ALWAYS = ("pss", "pss-single-frame", "d-optimality-count-zero", "e-optimality-count-zero")
 # R and limits of detection, both fitted on the training views; all metrics are judged under it.
 CALIBRATED_LIMITS = "calibrated, limits"
@@ -91,7 +91,7 @@ def appearance_of(scene: Scene, acquired: Acquired) -> Appearance:
 
 
 def calibrated(bank: ViewBank, data: BankData, acquired: Acquired) -> Fitted:
-    """Weights fitted on a training bank; factors that the data do not ask for are left out."""
+    """Weights fitted on a training bank; factors with a weight of 0 are omitted."""
     moments = pixel_moments(data.residuals())
     state = bank.scene.state
     covariances = factor_covariances(
@@ -224,7 +224,7 @@ def predictions(
     appearance: Appearance | None,
     needs: Mapping[str, tuple[str, ...]] | None = None,
 ) -> list[dict[str, Predicted]]:
-    """What each contender says of each configuration; `needs`: by contender, the metrics that are asked (else none)."""
+    """Each contender's predictions of each configuration; `needs`: by contender, the requested metrics (else none)."""
     state = bank.scene.state
     task = PredictionTask(
         bank.cameras,

@@ -1,4 +1,4 @@
-"""What the images say of every configuration of a bank: triangulated once for all metrics and noise models.
+"""Measurements of every configuration of a bank from its images: triangulated once for all metrics and noise models.
 
 The filter's errors are those of a linearised simulation driven by rendered residuals (`validate.points.static_filter`),
 of which the second moments are solved for (`validate.points.filter_moments`).
@@ -56,7 +56,7 @@ class BankData:
 
     @cached_property
     def weights(self) -> tuple[NDArray[np.bool_], Floats]:
-        """What each view says in any configuration: which points it detected, and 1/px² R⁻¹ (`detection_weights`)."""
+        """Each view's part in any configuration: which points it detected, and 1/px² R⁻¹ (`detection_weights`)."""
         return detection_weights(self.cameras, self.pixels, self.covariance)
 
     @cached_property
@@ -88,7 +88,7 @@ class ConfigurationErrors:
         errors: of triangulation.
         used: (c, T, N), detections that triangulation kept.
         rejected: how many it threw out.
-        prior_moment_m2: m², (N, 3, 3), second moment of the filter's a-priori error; None where it was not asked for.
+        prior_moment_m2: m², (N, 3, 3), second moment of the filter's a-priori error; None where it was not requested.
     """
 
     errors: MeasuredErrors

@@ -1,4 +1,4 @@
-"""What the metric says of every configuration of a bank, under every contender, and what its rivals say."""
+"""The metric and its rivals for every configuration of a bank, under every contender."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class PredictionTask:
     """What all configurations share: V settings, N points, and the contenders.
 
     Attributes:
-        needs: by contender, the metrics that are asked under it.
+        needs: by contender, the metrics that are requested under it.
     """
 
     cameras: tuple[PTZCamera, ...]
@@ -131,7 +131,7 @@ def predict_all(
 
 
 def _with_tables(task: PredictionTask) -> PredictionTask:
-    """The same task with who sees what looked up, each set of tests asked once."""
+    """The same task with the visibility of each set of tests computed once."""
     views = Views(list(task.cameras), task.points_m, task.normals, task.appearance)
     known: dict[tuple[VisibilityTest, ...], GivenVisibility] = {}
     contenders = []
@@ -176,7 +176,7 @@ def _predict(task: PredictionTask, jobs: Sequence[tuple[int, ...]]) -> list[dict
 
 def _predicted(task: PredictionTask, name: str, evaluation: Evaluation) -> Predicted:
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # a rival that is not defined for a configuration says so with its number
+        warnings.simplefilter("ignore")  # a rival that is not defined for a configuration returns nan
         metrics = [METRICS[metric] for metric in dict.fromkeys((*ALWAYS, *task.needs[name]))]
         terms = {m.name: np.asarray(m.terms(evaluation), dtype=float) for m in metrics if m.terms is not None}
         scores = {m.name: float(m.score(evaluation)) for m in metrics if m.terms is None}

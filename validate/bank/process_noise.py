@@ -122,7 +122,7 @@ def process_rows(verdict: CountVerdict, names: Sequence[str], levels: Sequence[L
 
 
 def _count(verdict: CountVerdict, name: str, metric: str) -> Floats:
-    """A metric of `COUNTS` under a contender's own visibility, (K, N), also where it was not asked for."""
+    """A metric of `COUNTS` under a contender's own visibility, (K, N), also where it was not requested."""
     if metric in verdict.predicted[0][name].terms:
         return verdict.terms(name, metric)
     seen = np.array([found[name].visible.sum(axis=0) for found in verdict.predicted])

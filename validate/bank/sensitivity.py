@@ -1,4 +1,4 @@
-"""How much the ranking depends on what the paper leaves open: constants of Eqs. 11 to 13, each factor alone, the unit.
+"""How much the ranking depends on what the paper does not fix: constants of Eqs. 11 to 13, each factor alone, the unit.
 
 The unit of R matters to the filter alone: a whole R times s multiplies each single-frame C by s, which changes no rank,
 but P∞ weighs R against the process noise.
@@ -36,7 +36,7 @@ SCALES = (1.0, 1e-2, 1e-4, 1e-6)
 
 
 def variants(scene: Scene, tests: Sequence[VisibilityTest]) -> list[tuple[Row, Contender]]:
-    """The paper's models with other constants, and of each factor alone, with what tells them apart."""
+    """The paper's models with other constants, and of each factor alone, with their labels."""
     found = []
     dark, noise = scene.sensor.ccd_noise, scene.resolved()["noise"]
     off_in_file, scale = noise["switched_off"], noise["px2_per_m2"]

@@ -1,4 +1,4 @@
-"""What the pixel noise table asks: one factor at a time about a centre point, and random combinations of all."""
+"""Design of the pixel noise table: one factor at a time about a centre point, and random combinations of all."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ MODULE_PX, INCIDENCE_DEG, WHITE_E, LARGEST_CC_PX, LARGEST_CC_MODULES = (3.5, 25.
 
 @dataclass(frozen=True)
 class Series:
-    """One factor in steps, the others as in the centre point but for what `base` says.
+    """One factor in steps, the others as in the centre point, except those of `base`.
 
     Attributes:
         factor: the attribute of `Factors` that varies.
@@ -62,7 +62,7 @@ SERIES = (
 
 @dataclass(frozen=True)
 class Shot:
-    """One setup to be measured, and the series (or `COMBINATIONS`) that asks for it."""
+    """One setup to be measured, and the series (or `COMBINATIONS`) that contains it."""
 
     series: str
     setup: Setup

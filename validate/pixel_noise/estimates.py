@@ -34,7 +34,7 @@ NOTHING = Estimate(math.nan, math.nan, math.nan)
 
 @dataclass(frozen=True, eq=False)
 class PoseSpread:
-    """What the captures of each of P poses say, axes taken together.
+    """Statistics of the captures of each of P poses, axes taken together.
 
     Attributes:
         counts: (P,), captures in which the marker was found.
@@ -68,7 +68,7 @@ class PoseSpread:
 
 
 def spread(poses: PoseSpread) -> Estimate:
-    """px, σ of one axis within a pose, pooled over poses; the interval knows that poses differ.
+    """px, σ of one axis within a pose, pooled over poses; the interval accounts for differences between poses.
 
     The pooled variance is a ratio of sums over poses; its error is taken from how the poses' own terms scatter, with
     Student's t, on the logarithm. From one pose it is that of χ².
@@ -90,7 +90,7 @@ def spread(poses: PoseSpread) -> Estimate:
 
 
 def bias(poses: PoseSpread) -> Estimate:
-    """px, RMS over poses of one axis of the mean residual, less what noise alone leaves in a mean of few captures.
+    """px, RMS over poses of one axis of the mean residual, less the contribution of noise to a mean of few captures.
 
     If biases are Gaussian over poses, the mean of squares follows χ²; its interval, less the noise's part, is this one.
     """

@@ -22,7 +22,7 @@ __all__ = ["PowerLaw", "joint_exponents", "log_variance", "series_exponent", "sl
 
 
 RESAMPLES = 2000
-# Of a resample's normal equations: beyond it, what was drawn does not tell the factors apart.
+# Of a resample's normal equations: beyond it, the sample cannot separate the factors.
 LARGEST_CONDITION = 1e10
 
 
@@ -36,7 +36,7 @@ def log_variance(variance: Floats, freedom: NDArray[np.int64]) -> Floats:
 def slopes(log_variances: Floats, logs: Floats, groups: NDArray[np.int64]) -> Floats:
     """Exponents of σ, (F,), by least squares of log σ² (N,) on `logs` (N, F), each group with its own constant.
 
-    nan where the data do not tell the factors apart.
+    nan where the data cannot separate the factors.
     """
     x, y = _within(logs, groups), _within(log_variances[:, None], groups)[:, 0]
     if len(y) == 0 or np.linalg.matrix_rank(x) < x.shape[1]:
@@ -57,7 +57,7 @@ def series_exponent(log_variances: Floats, logs: Floats, poses: NDArray[np.int64
     known = np.isfinite(log_variances) & np.isfinite(logs)
     y, x, groups = log_variances[known], logs[known, None], poses[known]
     value = float(slopes(y, x, groups)[0])
-    # A pose seen at one level alone says nothing of a trend.
+    # A pose seen at one level alone has no information on a trend.
     names = [name for name in np.unique(groups) if np.ptp(x[groups == name]) > 0]
     if len(names) < 2:
         return Estimate(value, math.nan, math.nan)

@@ -1,7 +1,7 @@
 """The laboratory: one marker on a grey board before one camera, with blur, size, incidence and signal set one by one.
 
 The camera's ring light is the only light, so that the radiance of the marker is known without looking at any image; the
-exposure is set so that white, at the marker's centre, makes the electrons that are asked for.
+exposure is set so that white, at the marker's centre, yields the requested electrons.
 """
 
 from __future__ import annotations
@@ -126,7 +126,7 @@ class Setup:
 
     @property
     def camera(self) -> PTZCamera:
-        """Focused so that the circle of confusion is as asked, turned so that the centre has its phase."""
+        """Focused for the requested circle of confusion, turned so that the centre has its phase."""
         needed_px = WINDOW_MODULES * self.factors.module_px + 2 * self.factors.cc_px + WINDOW_PX
         size = max(SMALLEST_WINDOW_PX, WINDOW_STEP_PX * math.ceil(needed_px / WINDOW_STEP_PX))
         right, down = (math.degrees(math.atan2(part, FOCAL_PX)) for part in self.pose.phase_px)

@@ -92,7 +92,7 @@ def find_centres(task: Task, electrons: NDArray[np.float32], pattern: FixedPatte
 
 
 def find_and_bound(task: Task, electrons: NDArray[np.float32], pattern: FixedPattern, setup: Setup) -> Arrays:
-    """What is found in the captures, and what the setup says could be."""
+    """Detections in the captures, with the setup's predictions."""
     return find_centres(task, electrons, pattern) | {"bound": setup.bound_px2()}
 
 

@@ -19,14 +19,14 @@ from validate.pixel_noise.measure import Measured
 __all__ = ["JOINT", "exponent_rows", "joint_law", "level_rows", "levels_of", "render_rows"]
 
 
-# A render that shows its marker in fewer captures says how the lucky ones scatter, not how captures do.
+# A render detected in fewer captures gives the scatter of a selected subset, not of all captures.
 LEAST_FOUND = 0.5
 JOINT = ("module_px", "blur_px", "cos_incidence", "edge_cnr")
 
 
 @dataclass(frozen=True)
 class Fit:
-    """An exponent to be taken from a series, and what the paper's R alone says of it (nan: nothing)."""
+    """An exponent to be taken from a series, and the paper's R alone for it (nan: none)."""
 
     series: str
     factor: str
@@ -201,7 +201,7 @@ def _exponent(
 
 
 def joint_law(measured: Sequence[Measured], which: str = "measured", seed: int = 0) -> PowerLaw:
-    """σ against all factors of `JOINT` over the random combinations; or what a prediction says for the same renders."""
+    """σ against all factors of `JOINT` over the random combinations; or a prediction for the same renders."""
     items = [item for item in measured if item.shot.series == COMBINATIONS]
     found = _log_variances(items)
     if which != "measured":

@@ -42,7 +42,7 @@ def height_below_in(cameras: int) -> float:
 
 
 def draw_beside(axes: Axes, seen: Foreseen) -> float:
-    """Write the table at the top of axes without ticks; what it leaves of their height, from 0 to 1."""
+    """Write the table at the top of axes without ticks; returns the remaining share of their height, from 0 to 1."""
     lines = len(HEAD) + len(seen.scene.cameras)
     step = min(LINE_SHARE, ALL_SHARE / lines)
     _block(axes, seen, range(len(seen.scene.cameras)), (0.0, 1.0), step, 10.0)

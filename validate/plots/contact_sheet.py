@@ -79,7 +79,7 @@ def captures(result: SweepResult, store: Store) -> Pixels:
         chosen = [(camera, item) for camera, item in pairs if names is None or camera.name in names][:MOST_ROWS]
         shown.append([(f"{configuration.label}  camera {camera.name}", item) for camera, item in chosen])
     keys = {item.request.key for column in shown for _, item in column}
-    # Unpacking the images is most of the work, and leaves Python alone.
+    # Unpacking the images is most of the work, and releases Python's lock.
     with ThreadPoolExecutor() as pool:
         views = dict(zip(keys, pool.map(lambda key: stored_view(store, key), keys), strict=True))
     columns = [[_thumbnail(item, views[item.request.key], caption) for caption, item in column] for column in shown]

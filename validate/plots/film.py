@@ -27,7 +27,7 @@ WEBP_QUALITY, WEBP_METHOD = 85, 4
 # Steps of four levels don't show as bands in a noisy image. Channels that differ by less than so many levels are grey.
 GIF_GREYS, GREY_LEVELS = 64, 8
 # Free of patents, and part of OpenCV's own wheels. H.264 is not, and what they have of MPEG-4 no browser shows. OpenCV
-# says on stderr that WebM has no such tag, and writes it all the same.
+# prints on stderr that WebM has no such tag, and writes it all the same.
 WEBM_CODEC = "VP90"
 
 
@@ -80,7 +80,7 @@ def _paletted(picture: Pixels) -> Image.Image:
     """A picture in 256 colours: evenly spaced greys for the views, and what the rest needs."""
     greys = np.repeat(np.linspace(0, 255, GIF_GREYS).round().astype(np.uint8), 3)
     coloured = picture[np.ptp(picture, axis=2) > GREY_LEVELS]
-    # Median cut, Pillow's own choice, gives its colours to large areas and leaves none to the marks.
+    # Median cut, Pillow's own choice, gives its colours to large areas and none to the marks.
     chosen = Image.fromarray(coloured[None]).quantize(256 - GIF_GREYS, method=Image.Quantize.FASTOCTREE)
     palette = Image.new("P", (1, 1))
     palette.putpalette([*greys.tolist(), *(chosen.getpalette() or [])])
@@ -89,7 +89,7 @@ def _paletted(picture: Pixels) -> Image.Image:
 
 
 def _save(path: Path, pictures: Iterator[Image.Image], frames_per_second: float, unit_ms: int, **options: int) -> None:
-    """Save by Pillow, each picture held for the whole number of `unit_ms` that is nearest to what is asked for."""
+    """Save by Pillow, each picture held for the whole number of `unit_ms` that is nearest to the requested time."""
     if frames_per_second * unit_ms > 1000:
         most = 1000 / unit_ms
         raise RangeError(f"frames_per_second = {frames_per_second!r} for {path.suffix}; allowed: up to {most:g}")

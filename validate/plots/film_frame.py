@@ -36,7 +36,7 @@ DPI = 100
 # The picture's parts, in pixels: the line at the top, a caption over each view, and the plan at the right.
 MARGIN_PX, GAP_PX, HEADER_PX, CAPTION_PX = 16, 12, 44, 24
 VIEWS_PX, PLAN_PX = (828, 668), (396, 618)
-# A person's disc in the plan, and the tip of the arrow that says where it heads.
+# A person's disc in the plan, and the tip of the arrow of its heading.
 DISC_M, ARROW_M = 0.25, 0.52
 # Light enough that the wedges of all cameras can lie over each other; what the whole image shows has an outline.
 WEDGE_ALPHA, IMAGE_ALPHA = 0.09, 0.10

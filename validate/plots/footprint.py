@@ -12,7 +12,7 @@ __all__ = ["footprint_m", "wedge_m"]
 
 
 def wedge_m(camera: PTZCamera, room: Room, height_m: float = 0.0) -> Floats:
-    """Metres (x, y), corners in order of what lies between the image's left and right borders, (V, 2).
+    """Metres (x, y), corners in order of the area between the image's left and right borders, (V, 2).
 
     It is the part of the plane at `height_m` over the floor, in front of the camera and within the walls, that projects
     between the borders, be it above or below the image. At the camera's own height it is a triangle with its tip at the

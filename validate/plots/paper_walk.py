@@ -22,7 +22,7 @@ __all__ = ["moments", "walk_figure", "walk_rows"]
 HEIGHT_IN = 6.2
 # The paper's moments: where the first person is, m along the hallway.
 MOMENTS_Y_M = (-2.0, 2.0)
-# The arrow that says where a person walks: m, from half a metre over the head.
+# The arrow of a person's heading: m, from half a metre over the head.
 ARROW_M, OVER_HEAD_M, ABOVE_ARROW_M = 1.0, 0.35, 0.15
 ELEVATION_DEG, AZIMUTH_DEG = 28.0, 25.0
 # The paper's PSS is made of σ∞.

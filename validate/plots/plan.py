@@ -261,7 +261,7 @@ def _markers(axes: Axes, seen: Foreseen, plane: tuple[int, int], norm: LogNorm) 
     lost = ~np.isfinite(sigma)
     colours[lost] = (1, 1, 1, 1)
     plates = np.array([plate_corners(marker, modules) for marker in state.markers])[:, :, plane]
-    # What one looks at from here lies over what it hides.
+    # Nearer objects are drawn over what they hide.
     away = next(axis for axis in range(3) if axis not in plane)
     order = np.argsort(state.points_m[:, away])
     for chosen, level in ((order[lost[order]], 5.5), (order[~lost[order]], 6)):

@@ -38,7 +38,7 @@ SMALLER = 0.62
 @contextmanager
 def print_style() -> Iterator[None]:
     """Sizes for print, fonts that stay text in PDF, and names in SVG that do not differ from run to run."""
-    # 42: TrueType, which publishers ask for.
+    # 42: TrueType, which publishers require.
     with matplotlib.rc_context(SIZES_PT | {"pdf.fonttype": 42, "svg.hashsalt": "print"}):
         yield
 
@@ -54,7 +54,7 @@ def save(figure: Figure, folder: Path, name: str) -> list[Path]:
 
 
 def for_print(axes: Axes) -> None:
-    """Make signs, lines and words that were drawn for the screen as small as a figure of `WIDTH_IN` wants them."""
+    """Make signs, lines and words that were drawn for the screen as small as a figure of `WIDTH_IN` needs them."""
     axes.title.set_fontsize(SIZES_PT["axes.titlesize"])
     for line in axes.lines:
         line.set_markersize(SMALLER * line.get_markersize())

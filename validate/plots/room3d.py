@@ -165,7 +165,7 @@ def _differs(result: SweepResult, name: str, first: dict[str, PTZCamera]) -> boo
 
 
 def _field(axes: Axes, camera: PTZCamera, colour: str, eye: Eye, strength: float) -> None:
-    """Edges of the field of view up to the focus or the walls, and what lies in the room of the plane in focus."""
+    """Edges of the field of view up to the focus or the walls, and the part of the plane in focus inside the room."""
     shape = frustum(camera, eye.room)
     edges = [eye.flat(np.array([shape.apex, end])) for end in shape.ends]
     axes.add_collection(LineCollection(edges, color=colour, lw=0.7, alpha=0.6 * strength, zorder=FIELDS))

@@ -86,7 +86,7 @@ class SavedRun(RunTables):
         return target
 
     def _others(self) -> Iterator[Path]:
-        """The files of a run that are no tables, and the links to its views; other files in the folder do not belong to it."""
+        """The files of a run that are no tables, and the links to its views; other files are not the run's."""
         for place in (self.folder, *(self.folder / name for name in FOLDERS)):
             for path in sorted(place.iterdir()) if place.is_dir() else ():
                 if path.is_symlink():

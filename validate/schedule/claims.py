@@ -1,4 +1,4 @@
-"""What the paper says of Figure 4, asked of a schedule: yes or no, with numbers, predicted and measured.
+"""The paper's claims about Figure 4, tested on a schedule: yes or no, with numbers, predicted and measured.
 
 A claim about an increase holds if the lower end of its interval does. Intervals are of the markers and the trials; the
 walk and the steps are as they are.
@@ -65,7 +65,7 @@ class _Side:
 
 
 def _of(curves: Curves, figure: Figure) -> Estimate:
-    with np.errstate(divide="ignore", invalid="ignore"):  # nobody is seen at one end: infinitely better
+    with np.errstate(divide="ignore", invalid="ignore"):  # no marker is seen at one end: infinitely better
         return float(figure(curves.values)), np.asarray(figure(curves.samples))
 
 

@@ -227,7 +227,7 @@ def _of_surrogates(
 ) -> list[dict[str, dict[str, SurrogatePrediction]]]:
     """The prediction of each configuration at the surrogates' points, by avatar (and for both) and noise model.
 
-    The surrogates stand where the people do. A surrogate has no markers: for a noise model that asks how a target
+    The surrogates stand where the people do. A surrogate has no markers: for a noise model that needs how a target
     looks, each of its points bears one like the median marker of the scene.
     """
     scene, walk = design.scenes[step], design.stage.walk

@@ -1,4 +1,4 @@
-"""What each avatar's own cameras would say of it alone: the difference to all cameras is what the others add."""
+"""PSS of each avatar from its own cameras alone: the difference to all cameras is what the others add."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ __all__ = ["OwnCameras", "own_cameras"]
 
 @dataclass(frozen=True, eq=False)
 class OwnCameras:
-    """What each avatar's own cameras say of it, by noise model ("" for what is measured) and kind.
+    """PSS of each avatar from its own cameras, by noise model ("" for the measured one) and kind.
 
     Attributes:
         inverse_sigma: 1/m, 1/σ of every marker from the cameras that are assigned to its avatar, (K, N).
@@ -79,13 +79,13 @@ def own_cameras(
                 continue
             cameras = [steered.cameras[step][c] for c in mine]
             for contender in contenders:
-                (said,) = predicted_at(scene, [tuple(cameras)], contender, appearance, markers)
+                (prediction,) = predicted_at(scene, [tuple(cameras)], contender, appearance, markers)
                 name_of = contender.name
-                inverse[name_of, "filter"][step, markers] = inverse_sigma(said, single_frame=False)
-                inverse[name_of, HEADLINE_KIND][step, markers] = predicted_inverse(said, headline)[0]
-                inverse[name_of, "single frame"][step, markers] = inverse_sigma(said, single_frame=True)
+                inverse[name_of, "filter"][step, markers] = inverse_sigma(prediction, single_frame=False)
+                inverse[name_of, HEADLINE_KIND][step, markers] = predicted_inverse(prediction, headline)[0]
+                inverse[name_of, "single frame"][step, markers] = inverse_sigma(prediction, single_frame=True)
                 for kind in KINDS:
-                    rates[name_of, kind][step, markers] = said.found
+                    rates[name_of, kind][step, markers] = prediction.found
             requested = [design.views[run][step][c] for c in mine]
             rng = random_stream(
                 design.schedule.spec.seed, "+".join(item.request.content for item in requested), "filter of own cameras"

@@ -149,7 +149,7 @@ def result_of(held: Held, avatar: str) -> ScheduleResult:
     configurations = tuple(_configuration(held, run, step, avatar) for run in range(runs) for step in range(steps))
     assessments = tuple(held.steps[run][step].assessments[avatar] for run in range(runs) for step in range(steps))
     views = tuple(design.views[run][step] for run in range(runs) for step in range(steps))
-    # What writes tables asks a plan for its sweep's name alone.
+    # Writers of tables use only the sweep's name of a plan.
     plan = Plan(design.schedule, design.stage.scene, configurations, views)  # type: ignore[arg-type]
     replicates = _replicates(held, assessments, avatar)
     return ScheduleResult(plan, configurations, assessments, views, (), replicates, avatar, held)

@@ -58,7 +58,7 @@ def tracking_of(settings: TrackingSpec, seed: int) -> Tracking:
 
 
 def plan_of(schedule: ScheduleFile, stage: Stage, zoom_limit: float | None) -> Plan:
-    """What a run's strategy gets to know, by the surrogates that the schedule asks for."""
+    """The input of a run's strategy, by the surrogates that the schedule names."""
     start = stage.at(stage.walk.times_s[0])
     avatars = {
         w.name: avatar_like(schedule.spec.surrogate, start.state, w.name, w.position_m(stage.walk.times_s[0]))
@@ -86,7 +86,7 @@ def strategies_of(schedule: ScheduleFile, own: Mapping[str, Strategy]) -> dict[s
 def step_views(
     schedule: ScheduleFile, scene: Scene, cameras: Iterable[PTZCamera], renderer: str, trials: int | None = None
 ) -> tuple[Acquisition, ...]:
-    """The views of a scene that a schedule asks for; None for its own number of trials."""
+    """The views of a scene for a schedule; `trials`: None for its own number of trials."""
     settings = schedule.spec
     sampling = Sampling(noise_ratio=settings.render_noise_ratio)
     return views_of(scene, cameras, sampling, renderer, settings.seed, trials or settings.trials)

@@ -33,8 +33,8 @@ class Stage:
     """The scene that a schedule plays in.
 
     Attributes:
-        scene: with the schedule's process and a zoom as good as endless; its avatars stand where its file says.
-        walk: of the two avatars, by their names in the scene.
+        scene: with the schedule's process and a zoom as good as endless; its avatars stand at the positions of its
+        file. walk: of the two avatars, by their names in the scene.
     """
 
     scene: Scene
@@ -111,7 +111,7 @@ def stage_of(schedule: ScheduleFile, scene: Scene) -> Stage:
     """The stage of a schedule.
 
     Raises:
-        SceneError: the scene has not two avatars, leaves its exposure open, or has walls in the way of the walk.
+        SceneError: the scene has not two avatars, has no fixed exposure, or has walls in the way of the walk.
         GeometryError, RangeError: walks that do not meet.
     """
     names = [item["name"] for item in scene.resolved()["objects"] if item["kind"] == "avatar"]

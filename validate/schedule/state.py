@@ -196,7 +196,7 @@ class StrategyState:
 
     @cached_property
     def _settings(self) -> dict[tuple[int, str], PTZCamera]:
-        """By camera and avatar, filled as they are asked for."""
+        """By camera and avatar, computed on first use."""
         return {}
 
     def _reached(self, index: int, name: str) -> PTZCamera:

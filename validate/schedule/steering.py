@@ -34,9 +34,9 @@ class Steered:
 
     Attributes:
         times_s: s, (K,).
-        predicted_m: m, where each avatar was expected to be at the step when the cameras were last told, (K, T, 3).
-        covariance_m2: m², of that prediction as the filter believes, (K, T, 3, 3).
-        lost: whether an avatar was lost when the cameras were last told, (K, T).
+        predicted_m: m, where each avatar was expected to be at the step when the cameras last got their settings, (K,
+        T, 3). covariance_m2: m², of that prediction by the filter's own covariance, (K, T, 3, 3).
+        lost: whether an avatar was lost when the cameras last got their settings, (K, T).
         cameras: K × C settings, as the motors reached them.
         assignments: K × C names, the avatars that the cameras were on their way to.
         losses: how often each avatar was lost, by name, from the start of the warm-up to the last step.

@@ -69,7 +69,7 @@ def best_predicted(state: StrategyState) -> Assignment:
     """The assignment with the highest predicted PSS at the settings that the motors reach by the next decision.
 
     All are evaluated in one call, those with all cameras on one avatar among them. Of equally good ones: one that
-    leaves no avatar out, then the one with the fewest changes, then the first. It looks one step ahead and no farther:
+    leaves no avatar out, then the one with the fewest changes, then the first. It plans one step ahead:
     where motors are slow it shuns a swing that would pay only later, and where PSS hardly differs it swaps a lot.
     """
     choices = state.assignments

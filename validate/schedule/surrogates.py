@@ -14,7 +14,7 @@ from validate.schedule.state import Avatar
 __all__ = ["CYLINDER_RADIUS_M", "avatar_like"]
 
 
-# Of a person without the arms; the paper says "cylinders" and no more.
+# Of a person without the arms; the paper specifies only "cylinders".
 CYLINDER_RADIUS_M = 0.25
 POINTS = 40
 

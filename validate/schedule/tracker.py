@@ -30,7 +30,7 @@ class Tracking:
 
     Attributes:
         frame_s: s between two measurements; the cameras get a new setting to go to as often.
-        sigma_m: m, standard deviation of a measured position along each axis, as the filter is told.
+        sigma_m: m, the filter's standard deviation of a measured position along each axis.
         latency_s: s, how old a measurement is when it arrives.
         acceleration_density_m2_s3: m²/s³, of the filter's constant-velocity process.
         lost_after_frames: frames without a measurement after which an avatar counts as lost.

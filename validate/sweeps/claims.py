@@ -1,4 +1,4 @@
-"""What the paper says of its Figures 1 to 3, asked of a sweep: yes or no, with numbers, predicted and measured.
+"""The paper's claims about its Figures 1 to 3, tested on a sweep: yes or no, with numbers, predicted and measured.
 
 A claim about an increase holds if the lower end of its interval does; an "of a sweep" claim that a sweep cannot answer
 is left out.

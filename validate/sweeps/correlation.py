@@ -22,7 +22,7 @@ __all__ = ["SHARES_UNDER_MM", "Correlation", "correlation_rows", "headline", "ow
 
 # mm. Errors of well set cameras are tenths of a millimetre: a share under 5 mm then only counts points.
 SHARES_UNDER_MM = (5, 0.02, 0.05, 0.1, 0.2)
-# A sweep of a dozen steps cannot tell forty metrics apart: it has the paper's own, the plainest measure, and what
+# A sweep of a dozen steps cannot distinguish forty metrics: it has the paper's own, the plainest measure, and what
 # users bring of their own.
 COMPARED = ("pss", "pss-single-frame", "worst-sigma", "visible-share")
 

@@ -35,7 +35,7 @@ class FailedViewError(PSSError, RuntimeError):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Measurement:
-    """What the images of C cameras say of N markers over T trials.
+    """Measurements of N markers in the images of C cameras over T trials.
 
     Attributes:
         result: a sweep of one step, with plan, views, predictions and resamples.
@@ -135,7 +135,7 @@ def measure(
         cameras: one or more with different names, the scene's own or others.
         trials: noisy captures of each view, 2 or more.
         seed: of all random numbers, 0 or more.
-        store: folder of rendered views and measurements, or an address that fsspec knows.
+        store: folder of rendered views and measurements, or an address that fsspec supports.
         variant: Mitsuba's variant; None for LLVM if there is a libLLVM, else scalar.
         quiet: whether no progress is printed.
 

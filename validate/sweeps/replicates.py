@@ -97,8 +97,8 @@ def _trial_replicates(errors: MeasuredErrors, trial_weights: Floats) -> tuple[Fl
     counts = estimate > 0
     inverse_sigma = np.zeros_like(rate)
     inverse_sigma[:, counts] = rate[:, counts] / np.sqrt(_largest_eigenvalue(moments[:, counts]))
-    # The resample adds the small-sample bias of 1/σ̂ once more to data that already had it. Its own mean tells how much,
-    # whatever the errors' distribution; without this, an interval of many points lies beside its estimate.
+    # The resample adds the small-sample bias of 1/σ̂ once more to data that already had it. Its own mean shows how much,
+    # whatever the errors' distribution; without this, an interval of many points excludes its estimate.
     inverse_sigma[:, counts] *= estimate[counts] / inverse_sigma[:, counts].mean(axis=0)
     return inverse_sigma, moments[..., [0, 3, 5]].sum(axis=-1)
 

@@ -1,6 +1,6 @@
 """What the unit of R does to a ranking: the paper's PSS of R, R/10, …, beside what the filter measured (`scale.csv`).
 
-The paper adds m² to px², which leaves the unit of R open. A whole R times s multiplies every single-frame C by s and
+The paper adds m² to px², so that the unit of R is undefined. A whole R times s multiplies every single-frame C by s and
 changes no rank. P∞ weighs R against the process noise: where R is far too large, a point that two cameras see is hardly
 worth more than one that moves on, and PSS ranks by other things than where R has the size of the errors.
 """

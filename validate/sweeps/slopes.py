@@ -1,8 +1,8 @@
 """How errors grow with what a sweep varies: log-log slopes of predicted and of measured RMS, `slopes.csv`.
 
-A slope of 1 says "in proportion". It is fitted by least squares to the logarithms over the steps, on the points that
+A slope of 1 means "in proportion". It is fitted by least squares to the logarithms over the steps, on the points that
 all steps have in common: a step that loses its difficult points would else look the better for it. A line is all that
-it sees: `measured_departure` says how far the measured RMS is from one.
+it sees: `measured_departure` is how far the measured RMS is from one.
 """
 
 from __future__ import annotations

@@ -93,7 +93,7 @@ def plan(sweep: SweepFile, scene: Scene, renderer: str, sampling: Sampling) -> P
     """Name the views that a sweep needs.
 
     Raises:
-        RangeError: the scene's exposure is still to be chosen, and a view's name knows it.
+        RangeError: the scene's exposure is still to be chosen; a view's name contains it.
     """
     if scene.auto_exposure is not None:
         raise RangeError(f'{scene.path}: sensor.exposure_ms = "auto"; allowed: a scene after Scene.with_exposure')

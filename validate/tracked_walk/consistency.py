@@ -1,4 +1,4 @@
-"""Are the tracks of a walk as far from the truth as they believe? By group of markers, with intervals.
+"""Consistency of the tracks of a walk: errors against their covariance, by group of markers, with intervals.
 
 Convention: NEES is eᵀP⁻¹e of the position's error e about the truth, over its three degrees of freedom: 1 where P is
 right, above it where P is too small. P is the filter's own in that frame and trial, which follows the time-varying
@@ -44,8 +44,8 @@ def consistency(
 
     Each is given before (`prior_…`) and after (`posterior_…`) the updates.
 
-    A cell is a marker in a frame of a trial, with a track that is not lost: of a lost one nobody asks the place. (A
-    prediction counts as lost if the track was lost after the frame before.) `share_tracked` says how many cells these
+    A cell is a marker in a frame of a trial, with a track that is not lost: lost tracks have no position. (A
+    prediction counts as lost if the track was lost after the frame before.) `share_tracked` is how many cells these
     are, so that a filter does not look good by losing what is difficult.
 
     Intervals (95 %, `…_ci_low`, `…_ci_high`) come from random weights of markers crossed with blocks of frames. The

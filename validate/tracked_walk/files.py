@@ -1,4 +1,4 @@
-"""What a real walk leaves behind: tables of its frames and of its consistency, trajectories, and a film."""
+"""Files of a real walk: tables of its frames and of its consistency, trajectories, and a film."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def write_real_walk(folder: Path, tracked: TrackedWalk, store: Store, seed: int,
     """Write `walk.csv`, `walk_consistency.csv`, `walk_misfit.csv`, `trajectories/` and `figures/walk.webp`.
 
     Args:
-        assumed_density_m2_s3: m²/s³, the acceleration density that the schedule tells the metric.
+        assumed_density_m2_s3: m²/s³, the acceleration density that the schedule passes to the metric.
 
     Raises:
         DamagedViewError: a view of the film is not in the store, or was found damaged and set aside.

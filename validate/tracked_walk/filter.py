@@ -46,9 +46,9 @@ class WalkFiltering:
         lost_after_frames: frames in a row that did not confirm a track, after which it counts as lost. A frame confirms
             it if more views pass the gate than are thrown out.
         start_speed_sigma_m_per_s: m/s along each axis, of the velocity at a start, which is 0.
-        lost_sigma_m: m, √λmax of the predicted position beyond which a track is lost, whatever a view says: along one
-            ray a filter that is linear about its own place soon believes what is not so. A tenth to a sixth of the
-            distance to the cameras, and more than a start's velocity adds in a frame.
+        lost_sigma_m: m, √λmax of the predicted position beyond which a track is lost, whatever a view measures: along
+            one ray a filter that is linearized about its own estimate soon becomes overconfident. A tenth to a sixth of
+            the distance to the cameras, and more than a start's velocity adds in a frame.
         measurement_floor_px: px along each axis, added in squares to the covariance of each detection: what its image
             cannot tell, such as a bias.
 
@@ -82,7 +82,7 @@ class WalkTracks:
     Attributes:
         prior_m: m, (K, T, N, 3), predicted from the frame before; nan in the frame in which a track starts.
         posterior_m: m, (K, T, N, 3), after the frame's update; the triangulated point in the frame of a start.
-        prior_covariance_m2, posterior_covariance_m2: m², (K, T, N, 3, 3), of the positions, as the filter believes.
+        prior_covariance_m2, posterior_covariance_m2: m², (K, T, N, 3, 3), of the positions, the filter's own.
         used: (K, C, T, N), detections that updated or started a track.
         gated: (K, C, T, N), detections that the gate threw out, or at a start the triangulation's own test.
         lost: (K, T, N), the last `lost_after_frames` frames or more, this one among them, did not confirm the track.
@@ -245,7 +245,7 @@ class _Run:
         return used, thrown_out
 
     def _gate(self, cameras: Cameras, state: Floats, covariance: Floats, pixels: Floats, noise: Floats) -> Bools:
-        """Which views (C, S) have an innovation that fits what S tracks believe of it."""
+        """Which views (C, S) have an innovation consistent with the covariance of S tracks."""
         residual, jacobian = _linearised(cameras, state[:, POSITION], pixels)
         spread = jacobian @ covariance[:, POSITION, POSITION] @ jacobian.mT + noise
         known = np.asarray(np.isfinite(residual).all(axis=-1))
@@ -297,7 +297,7 @@ def _updated(
         weighted = jacobian.mT @ weight
         information = (weighted @ jacobian).sum(axis=0)
         pull = (weighted @ residual[..., None]).sum(axis=0) + information @ (at - prior)[..., None]
-        # P⁺ = P⁻ − P⁻(Λ⁻¹ + P⁻)⁻¹P⁻ in these columns, with no inverse of Λ, which one view leaves singular.
+        # P⁺ = P⁻ − P⁻(Λ⁻¹ + P⁻)⁻¹P⁻ in these columns, without inverting Λ, which is singular for one view.
         across = np.eye(3) + covariance[:, POSITION, POSITION] @ information
         gain = np.linalg.solve(across, covariance[:, POSITION]).mT
         updated = state + (gain @ pull)[..., 0]

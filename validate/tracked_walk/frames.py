@@ -84,7 +84,7 @@ class TrackedWalk:
         tracks: of every marker in every trial.
         pixels: px, the detections, (K, C, T, N, 2).
         process: of each marker, by the gait of other walks.
-        predicted_m2: m², what the metric's recursion says before and after each frame's update, (K, N, 3, 3) each.
+        predicted_m2: m², the metric's recursion before and after each frame's update, (K, N, 3, 3) each.
     """
 
     real: RealWalk
@@ -159,7 +159,7 @@ def body_parts(stage: Stage) -> dict[str, Bools]:
 
 
 def real_walk_of(schedule: ScheduleFile, stage: Stage, own: Mapping[str, Strategy], renderer: str) -> RealWalk | None:
-    """The frames that the schedule asks for; None if it asks for none.
+    """The frames of a schedule's real walk; None if it has none.
 
     Raises:
         RangeError: a strategy that does not exist, or a rate at which the walk or the tracking is no whole number of
@@ -221,7 +221,7 @@ def gait_process(real: RealWalk) -> LinearProcess:
 
 
 def gait_densities(stage: Stage, walk: Passing) -> Floats:
-    """m²/s³, (N,), what `motion_misfit` says of each marker in other walks, slower and faster than the judged one.
+    """m²/s³, (N,), `motion_misfit` of each marker in other walks, slower and faster than the evaluated one.
 
     A marker has the mean over both people's markers at its place on the suit: how limbs swing is known of gait, and not
     of these two on this walk.

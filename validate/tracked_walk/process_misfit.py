@@ -1,7 +1,7 @@
-"""How far the true motion of markers is from the process model that a filter is told.
+"""How far the true motion of markers is from the process model that a filter assumes.
 
-The limbs of a walking body swing and its trunk hardly does; one density of white acceleration is told for all. By what
-density each marker's own motion is matched says for which of them that model is too narrow or too wide.
+The limbs of a walking body swing and its trunk hardly does; one density of white acceleration is assumed for all.
+The density that matches each marker's own motion shows for which of them that model is too narrow or too wide.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def motion_misfit(truth_m: ArrayLike, process: ConstantVelocity) -> Floats:
 
     Args:
         truth_m: m, the true places in K frames, (K, N, 3).
-        process: what the filter is told; its time step is that of the frames.
+        process: the filter's model; its time step is that of the frames.
 
     Raises:
         ShapeError: not (K, N, 3) with three frames or more.
@@ -45,7 +45,7 @@ def motion_misfit(truth_m: ArrayLike, process: ConstantVelocity) -> Floats:
 
 
 def misfit_rows(truth_m: ArrayLike, process: ConstantVelocity, groups: Mapping[str, ArrayLike]) -> list[Row]:
-    """What `motion_misfit` says of each group of markers, given as masks (N,) by name; nan for an empty one.
+    """`motion_misfit` of each group of markers, given as masks (N,) by name; nan for an empty one.
 
     Returns:
         Rows with `group`, `markers`, `assumed_density_m2_s3`, `density_m2_s3` (of all the group's errors together),

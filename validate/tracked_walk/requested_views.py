@@ -1,4 +1,4 @@
-"""All that a schedule wants rendered, and what is left of it when views have failed."""
+"""All views that a schedule needs, and what remains of them when views have failed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["RequestedViews"]
 
 @dataclass(frozen=True, eq=False)
 class RequestedViews:
-    """The views to calibrate on, the held steps, and the real walk (None: not asked for)."""
+    """The views to calibrate on, the held steps, and the real walk (None: not requested)."""
 
     training: list[Training]
     design: Design
@@ -30,7 +30,7 @@ class RequestedViews:
         return found if self.real is None else found + self.real.requested
 
     def without(self, failed: Collection[str], messages: RunMessages) -> RequestedViews | None:
-        """What needs none of these views, given by their hashes, and says what that leaves out.
+        """The parts that need none of these views, given by their hashes; prints what is omitted.
 
         Places to calibrate on and runs go one by one. The real walk goes as a whole: its filter runs through all
         frames, and one without a camera that the prediction has is no fair comparison.

@@ -1,4 +1,4 @@
-"""The paths that a run of the hallway leaves as TUM files, and the pose of a body's rigid part from its markers.
+"""The paths of a run of the hallway as TUM files, and the pose of a body's rigid part from its markers.
 
 A TUM file has a line `timestamp tx ty tz qx qy qz qw` for each moment: seconds, metres in the world, and the unit
 quaternion that turns the body's axes into the world's. It is the format of the TUM RGB-D benchmark, and what `evo`
@@ -33,7 +33,7 @@ Poses = tuple[Floats, Rotation]
 TORSO = "torso"
 POSE_MARKERS = 3
 # Markers that are off a line by less than a thousandth of its length (half a millimetre on a torso, a plate's own
-# thickness) do not tell a turn about it. The ratio is of the squares of the two.
+# thickness) do not determine a rotation about it. The ratio is of the squares of the two.
 ON_A_LINE = 1e-6
 # Rounding to ten decimals moves a position by 0.05 nm and an angle by as little at a metre's distance.
 DECIMALS = 10
@@ -52,7 +52,7 @@ def torso_reference_m(stance: Stance, markers: Sequence[Marker], first_id: int) 
     is rigid over the walk, so any stance of this avatar gives the same places.
 
     Args:
-        stance: of the avatar when its markers were where `markers` says.
+        stance: of the avatar when its markers were at `markers`.
         markers: the scene's, those of others among them.
         first_id: of the avatar's suit.
 
@@ -80,7 +80,7 @@ def body_poses(
 
     Args:
         points_m: m in the world, (K, N, 3), nan where a point was not measured.
-        reference_m: m, the same points in the body's own axes, about the origin whose position is asked for, (N, 3).
+        reference_m: m, the same points in the body's own axes, about the origin whose position is requested, (N, 3).
         weights: of the points, such as one over their variances, (K, N), 0 to leave one out; None for equal ones.
 
     Returns:
@@ -179,7 +179,7 @@ def write_walk(
         evo_ape tum trajectories/H1/torso-truth.tum trajectories/H1/torso-estimate.tum
         evo_ape tum trajectories/H1/torso-truth.tum trajectories/H1/torso-estimate.tum --pose_relation angle_deg
 
-    evo compares the moments that both files have. A marker that was never found leaves a file without moments, which
+    evo compares the moments that both files have. A marker that was never found has a file without moments, which
     evo refuses.
 
     Args:
