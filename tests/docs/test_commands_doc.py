@@ -42,6 +42,7 @@ def folder(tmp_path_factory):
     return place
 
 
+@pytest.mark.slow
 def test_the_quick_examples_run_in_order(folder, capsys, monkeypatch):
     """Each as it stands on the page, in one folder: the first ones write what the next ones read."""
     monkeypatch.chdir(folder)

@@ -7,6 +7,7 @@ import dataclasses
 import re
 
 import numpy as np
+import pytest
 
 import scenes
 from render.files.exr import write_view
@@ -23,6 +24,7 @@ WITHIN_M = 0.01
 HALF_A_PIXEL = 0.5
 
 
+@pytest.mark.slow
 def test_the_documented_detector_finds_and_triangulates_drawn_markers(tmp_path, monkeypatch, capsys):
     """Five captures of two drawn views of the room; a view of another zoom is left alone, as the block says."""
     monkeypatch.chdir(tmp_path)

@@ -38,27 +38,15 @@ def test_it():
 """
 
 
-@pytest.mark.parametrize(
-    "text", [IN_THIS_PROCESS, IN_ANOTHER_PROCESS, IN_A_FIXTURE], ids=["here", "another process", "fixture"]
-)
-def test_the_renderer_is_refused_to_a_test_without_the_marker(text, tmp_path):
-    code, output = outcome(text, tmp_path)
-    assert code == pytest.ExitCode.TESTS_FAILED
-    assert "test_made_up.py::test_it" in output
-    assert "starts the renderer; mark it `render`" in output
-
-
-def test_a_test_with_the_marker_may_start_it(tmp_path):
-    code, output = outcome(MARKED, tmp_path)
-    assert code == pytest.ExitCode.OK, output
-
-
-def outcome(text, folder):
-    """The exit code and the output of pytest on a file with this text, under the project's conftest."""
-    path = folder / "test_made_up.py"
-    path.write_text(text)
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "tests.conftest", "-p", "no:cacheprovider", str(path)]
+def test_the_renderer_is_refused_to_a_test_without_the_marker_alone(tmp_path):
+    tests = {"here": IN_THIS_PROCESS, "process": IN_ANOTHER_PROCESS, "fixture": IN_A_FIXTURE, "marked": MARKED}
+    for name, text in tests.items():
+        (tmp_path / f"test_{name}.py").write_text(text)
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "tests.conftest", "-p", "no:cacheprovider", str(tmp_path)]
     done = subprocess.run(
-        command, capture_output=True, text=True, check=False, cwd=folder, env=environment(), timeout=300
+        command, capture_output=True, text=True, check=False, cwd=tmp_path, env=environment(), timeout=300
     )
-    return done.returncode, done.stdout + done.stderr
+    assert done.returncode == pytest.ExitCode.TESTS_FAILED
+    assert "1 passed" in done.stdout
+    for name in ("here", "process", "fixture"):
+        assert f"test_{name}.py::test_it starts the renderer; mark it `render`" in done.stdout

@@ -2,4 +2,5 @@
 
 import os
 
-raise RuntimeError(f"{os.environ.get('PYTEST_CURRENT_TEST', 'a test')} starts the renderer; mark it `render`")
+test, _, _phase = os.environ["PYTEST_CURRENT_TEST"].rpartition(" ")
+raise RuntimeError(f"{test} starts the renderer; mark it `render`")

@@ -78,6 +78,7 @@ def test_the_headline_is_where_process_and_measurement_are_equal():
         nearest(STEPS_M, float("nan"))
 
 
+@pytest.mark.slow
 def test_a_grid_of_accelerations_is_a_grid_of_frame_rates(world):
     """σ∞ of a constant velocity depends on density × Δt³ alone: eight times the density at half of the time step."""
     _, _, _, verdict, _, _ = world

@@ -219,7 +219,7 @@ def test_a_shell_completes_sweeps_commands_and_options(tmp_path):
 
 def test_dry_run_renders_nothing(tmp_path):
     """It says how many views there are, and leaves no folder."""
-    result = run_script("zoom", "selection", "--dry-run", "--store", tmp_path / "store", "--out", tmp_path / "out")
+    result = run("zoom", "selection", "--dry-run", "--store", tmp_path / "store", "--out", tmp_path / "out")
     assert result.returncode == 0, result.stderr
     assert "12 configurations" in result.stdout
     assert "6 configurations" in result.stdout

@@ -79,6 +79,7 @@ def _repeated(case):
     return centre_bound(fine, SAMPLES, h, 6, SENSOR), found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_centre_of_a_noise_free_marker_is_unbiased(case):
     """Registration finds the projected centre, also from corners that are a pixel off."""
@@ -184,6 +185,7 @@ def test_covariance_is_that_of_repeated_captures(case):
     assert CLAIM_LOW < ratio < CLAIM_HIGH
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_spread_is_near_the_bound(case):
     """The centres scatter hardly more than the Cramér–Rao bound says that they must."""

@@ -72,6 +72,7 @@ def coverage(size, cameras, rooms, truth_rooms=TRUTH_ROOMS):
     return {name: covered[name] / defined[name] for name in truth}
 
 
+@pytest.mark.slow
 def test_intervals_cover_in_a_few_rooms():
     """The short form of the simulation: an interval that forgets the cameras covers about 0.7 here."""
     found = coverage(4, 1.0, FEW_ROOMS, 150)

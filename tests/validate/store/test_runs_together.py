@@ -98,6 +98,7 @@ def test_a_process_that_is_held_up_is_not_waited_for(other, tmp_path, monkeypatc
     assert other[0].is_alive()
 
 
+@pytest.mark.slow
 def test_without_locks_all_come_in_their_order(tmp_path, monkeypatch):
     """A system without them, and a store that is not there and cannot be made."""
     (tmp_path / "file").write_text("")
