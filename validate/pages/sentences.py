@@ -68,6 +68,14 @@ class Verdict:
         return rho_words(self.rho, self.low, self.high)
 
     @property
+    def regret_text(self) -> str:
+        """7.6 % (0.0 %), or nothing for the filter kind."""
+        if math.isnan(self.regret):
+            return "–"
+        oracle = "" if math.isnan(self.oracle_regret) else f" ({self.oracle_regret:.1%})"
+        return f"{self.regret:.1%}{oracle}".replace("%", " %")
+
+    @property
     def standing(self) -> str:
         """What the interval allows to say."""
         if self.measured_optimum == FLAT:
