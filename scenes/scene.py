@@ -3,62 +3,49 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping
+import os
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pss import (
-    Appearance,
-    Box,
-    ConstantAcceleration,
-    ConstantVelocity,
-    ImageSensor,
-    NoiseModel,
-    PTZCamera,
-    RandomWalk,
-    Rectangle,
-    Sphere,
-)
+from pss import Appearance, ImageSensor, NoiseModel, PTZCamera, RangeError
+from pss.files import check_values, is_inside
 from pss.processes.process import ProcessModel
-from pss.surrogates import Mesh
+from pss.toml_text import toml_text
 from pss.visibility.points import VisibilityTest
 from render.light.exposure import AutoExposure
-from render.world.state import Light, Marker, MarkerPrint, Motion, Panel, Room, SceneObject, SceneState
-from scenes.errors import Problems, SceneError, nearest
-from scenes.markers.layout import markers_on, placed_marker, plate_side_m
-from scenes.markers.suit import avatar_markers
+from render.store.atomic import write_text
+from render.world.state import SceneState
+from scenes.errors import Location, Problems, SceneError, nearest
 from scenes.mesh_file import read_files
-from scenes.people.avatar import walking
+from scenes.parts import auto_exposure_of, camera_of, noise_models_of, process_of, sensor_of, state_of
 from scenes.reading.document import SWEEP_PREFIX, apply_overrides, named_file, read_toml, set_value
-from scenes.reading.inside import SHIPPED
+from scenes.reading.inside import OUTSIDE, SHIPPED
+from scenes.reading.python_tables import document_of
 from scenes.reading.sensor_file import start_from_named_sensor
 from scenes.reading.spec import validate
-from scenes.rules.checks import check_scene, shape_of
+from scenes.rules.checks import check_scene
 from scenes.rules.marker_checks import check_markers
-from scenes.rules.predictions import check_predictions, named_model, named_visibility
-from scenes.schema.avatar import AvatarSpec, stance_of
-from scenes.schema.dictionaries import DICTIONARIES
-from scenes.schema.meshes import MeshSpec
-from scenes.schema.motion import motion_of
-from scenes.schema.scene_tables import (
-    CameraSpec,
-    ConstantAccelerationSpec,
-    ConstantVelocitySpec,
-    LightSpec,
-    RandomWalkSpec,
-    SceneSpec,
-)
+from scenes.rules.predictions import CALIBRATION_FILE, check_predictions, named_model, named_visibility
+from scenes.schema.scene_tables import SceneSpec
 
 __all__ = ["Scene", "load"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class Scene:
     """A scene: everything that a scene file describes.
 
+    Made of the tables of a scene file, by `load` from a file or here from Python:
+
+        Scene(room={"width_m": 10, …}, light={…}, sensor={"name": "machine-vision-global-shutter", …}, lens={…},
+              cameras=[{"name": "left", …}, …], markers={…}, objects=[{…}], process={…}, noise={…})
+
+    The keys are those of docs/scenes.md, and the values go through the same checks as those of a file.
+
     Attributes:
-        path: of the file.
+        path: of the file, or where one would be: files that the scene names are relative to its folder.
         state: room, light, objects and markers.
         cameras: with their settings, in the file's order.
         sensor: the image sensor of all cameras; with `auto_exposure`, at the longest allowed exposure.
@@ -80,6 +67,42 @@ class Scene:
     warnings: tuple[str, ...] = ()
     auto_exposure: AutoExposure | None = None
     _allow_outside: bool = field(default=False, repr=False)
+    _replaced: tuple[str, ...] = field(default=(), repr=False)
+
+    def __init__(self, path: str | Path = "scene.toml", *, allow_outside: bool = False, **tables: object) -> None:
+        """Check the tables and make the scene of them.
+
+        Args:
+            path: where the scene's file would be; messages begin with it.
+            allow_outside: whether files outside its folder may be used; if not, each is a problem.
+            tables: room, light, sensor, lens, cameras, markers, objects, process, noise, and if needed backdrop and
+                metric: mappings, or lists of mappings. Tuples and numpy arrays stand for lists.
+
+        Raises:
+            SceneError: with every problem, a line each.
+        """
+        document = document_of(tables)
+        try:
+            check_values(document)
+        except RangeError as error:
+            raise SceneError([f"{path}: {error}"]) from None
+        self._set(_read(Path(path), Problems(path, document), allow_outside))
+
+    def _set(self, parts: Mapping[str, object]) -> None:
+        vars(self).update({item.name: item.default for item in dataclasses.fields(self)} | dict(parts))
+
+    def replace(self, **parts: Any) -> Scene:
+        """The same scene with other objects, such as `cameras=` or `noise_models=`: attributes by name.
+
+        Unlike `with_settings`, it takes what no file can hold, and checks nothing; such a scene cannot be saved.
+        """
+        allowed = [item.name for item in dataclasses.fields(self)]
+        for name in parts:
+            if name not in allowed:
+                public = [known for known in allowed if not known.startswith("_")]
+                raise SceneError([f"a scene has no {name}; allowed: {', '.join(public)}"])
+        replaced = (*self._replaced, *(name for name in parts if not name.startswith("_")))
+        return _made(vars(self) | parts | {"_replaced": replaced})
 
     def camera(self, name: str) -> PTZCamera:
         """The camera with this name.
@@ -131,30 +154,70 @@ class Scene:
         """The same scene with this exposure, in ms, as a number in its file."""
         chosen = {"exposure_ms": exposure_ms, "auto_exposure_share": None, "longest_exposure_ms": None}
         spec = self._spec.model_copy(update={"sensor": self._spec.sensor.model_copy(update=chosen)})
-        sensor = _sensor(spec)
-        return dataclasses.replace(
-            self,
-            sensor=sensor,
-            noise_models=_noise_models(spec, self.path.parent, sensor),
-            visibility=named_visibility(spec.metric.visibility, self.path.parent, sensor),
-            _spec=spec,
-            auto_exposure=None,
-        )
+        sensor = sensor_of(spec)
+        own = {
+            "sensor": sensor,
+            "noise_models": noise_models_of(spec, self.path.parent, sensor),
+            "visibility": named_visibility(spec.metric.visibility, self.path.parent, sensor),
+        }
+        kept = {name: value for name, value in own.items() if name not in self._replaced}
+        return _made(vars(self) | kept | {"_spec": spec, "auto_exposure": None})
 
     def with_settings(self, settings: Mapping[str, object]) -> Scene:
         """The same scene with these values at these dotted keys of its file ("sensor.exposure_ms": 8.0).
 
         Raises:
-            SceneError: with every problem, a line each.
+            SceneError: with every problem, a line each; or objects of the scene were replaced.
         """
+        self._check_described()
         problems = Problems(self.path, self.resolved())
         for key, value in settings.items():
             set_value(SceneSpec, key, value, problems)
-        return _scene(self.path, problems, self._allow_outside)
+        return _made(_read(self.path, problems, self._allow_outside))
 
     def resolved(self) -> dict[str, Any]:
         """The file's contents with overrides and defaults filled in: plain, JSON-serialisable, a valid scene itself."""
         return self._spec.model_dump(mode="json", by_alias=True, exclude_none=True)
+
+    def to_toml(self) -> str:
+        """The text of a scene file that makes the same scene, with overrides and defaults filled in.
+
+        Raises:
+            SceneError: objects of the scene were replaced, which no file can hold.
+        """
+        self._check_described()
+        return toml_text(self.resolved())
+
+    def save(self, path: str | Path) -> Path:
+        """Write the scene as a TOML file, whole or not at all; loaded again, it has the same state and cameras.
+
+        Meshes, a backdrop and calibrations that it names stay where they are: their paths are written anew, from the
+        new file's folder.
+
+        Returns:
+            The path.
+
+        Raises:
+            SceneError: objects of the scene were replaced, or a file that it names is outside the new file's folder
+                (unless the scene was loaded with `allow_outside`).
+            StoreError: the file cannot be written.
+        """
+        self._check_described()
+        target = Path(path)
+        document, problems = self.resolved(), Problems(target, self.resolved())
+        for place, table, key in _named_files(document):
+            file = os.path.relpath(self.path.parent / table[key], target.parent)
+            if not self._allow_outside and not is_inside(target.parent / file, [target.parent]):
+                problems.add(place, f"a file in the folder of {target}, or below; this is outside {OUTSIDE}")
+            table[key] = Path(file).as_posix()
+        problems.raise_if_any()
+        write_text(target, toml_text(document))
+        return target
+
+    def _check_described(self) -> None:
+        if self._replaced:
+            changed = ", ".join(dict.fromkeys(self._replaced))
+            raise SceneError([f"{self.path}: its {changed} were replaced by objects; allowed: a scene made of tables"])
 
 
 def load(name_or_path: str | Path, overrides: Iterable[str] = (), *, allow_outside: bool = False) -> Scene:
@@ -176,11 +239,32 @@ def load(name_or_path: str | Path, overrides: Iterable[str] = (), *, allow_outsi
     path = named_file(name_or_path, SHIPPED, "scene")
     problems = Problems(path, read_toml(path))
     apply_overrides(SceneSpec, (o for o in overrides if not o.strip().startswith(SWEEP_PREFIX)), problems)
-    return _scene(path, problems, allow_outside)
+    return _made(_read(path, problems, allow_outside))
 
 
-def _scene(path: Path, problems: Problems, allow_outside: bool) -> Scene:
-    """The scene of a document, after raising all of its problems."""
+def _made(parts: Mapping[str, object]) -> Scene:
+    """A scene of checked parts, by attribute."""
+    scene = object.__new__(Scene)
+    scene._set(parts)
+    return scene
+
+
+def _named_files(document: dict[str, Any]) -> Iterator[tuple[Location, Any, Any]]:
+    """Where a scene's document names files: location, and the table or list with its key."""
+    for index, item in enumerate(document["objects"]):
+        if "file" in item:
+            yield ("objects", index, "file"), item, "file"
+    if "backdrop" in document:
+        yield ("backdrop", "file"), document["backdrop"], "file"
+    for index, name in enumerate(document["noise"]["models"]):
+        if name.endswith(CALIBRATION_FILE):
+            yield ("noise", "models"), document["noise"]["models"], index
+    if document["metric"]["visibility"].endswith(CALIBRATION_FILE):
+        yield ("metric", "visibility"), document["metric"], "visibility"
+
+
+def _read(path: Path, problems: Problems, allow_outside: bool) -> dict[str, object]:
+    """The parts of the scene of a document, by attribute, after raising all of its problems."""
     start_from_named_sensor(problems)
     spec, draft = validate(SceneSpec, problems.document, problems)
     read_files(draft, path.parent, problems, allow_outside=allow_outside)
@@ -189,109 +273,18 @@ def _scene(path: Path, problems: Problems, allow_outside: bool) -> Scene:
     check_predictions(draft, path.parent, problems, allow_outside=allow_outside)
     problems.raise_if_any()
     assert spec is not None  # no problem, so pydantic had none
-    sensor = _sensor(spec)
-    return Scene(
-        path=path,
+    sensor = sensor_of(spec)
+    return {
+        "path": path,
         # Without problems the draft is the same, with the contents of its files.
-        state=_state(draft),
-        cameras=tuple(_camera(camera, spec) for camera in spec.cameras),
-        sensor=sensor,
-        process=_process(spec),
-        noise_models=_noise_models(spec, path.parent, sensor),
-        visibility=named_visibility(spec.metric.visibility, path.parent, sensor),
-        _spec=spec,
-        warnings=tuple(problems.warnings),
-        auto_exposure=_auto_exposure(spec),
-        _allow_outside=allow_outside,
-    )
-
-
-def _state(spec: SceneSpec) -> SceneState:
-    shapes = [shape_of(item) for item in spec.objects]
-    markers: list[Marker] = []
-    side_modules = plate_side_m(1.0, DICTIONARIES[spec.markers.dictionary], spec.markers.quiet_zone_modules)
-    for item, shape in zip(spec.objects, shapes, strict=True):
-        layout = getattr(item, "markers", None)
-        if isinstance(item, MeshSpec):
-            markers += item._spread
-        elif isinstance(item, AvatarSpec):
-            markers += [marker for marker in avatar_markers(item, side_modules) if marker is not None]
-        elif layout is not None:
-            markers += markers_on(shape, layout)
-    markers += [marker for placed in spec.markers.placed if (marker := placed_marker(placed)) is not None]
-    return SceneState(
-        room=Room(**spec.room.model_dump()),
-        light=_light(spec.light),
-        objects=(
-            *(
-                SceneObject(shape, item.albedo, _motion(item, shape))
-                for item, shape in zip(spec.objects, shapes, strict=True)
-            ),
-            *(spec.backdrop._parts if spec.backdrop is not None else ()),
-        ),
-        markers=tuple(markers),
-        print=MarkerPrint(**spec.markers.model_dump(exclude={"placed"})),
-    )
-
-
-def _motion(item: Any, shape: Rectangle | Sphere | Box | Mesh) -> Motion | None:
-    if isinstance(item, AvatarSpec):
-        stance = stance_of(item)
-        assert stance is not None  # it has a shape
-        return walking(stance, item.speed_m_per_s)
-    return motion_of(item, shape, getattr(item, "position_m", None))
-
-
-def _light(spec: LightSpec) -> Light:
-    if spec.kind == "ring":
-        return Light(0.0, (), spec.ring_w_per_sr or 0.0)
-    panels = tuple(Panel(panel.centre_m, panel.size_m) for panel in spec.panels or ())
-    return Light(spec.radiance_w_per_m2_sr or 0.0, panels)
-
-
-def _sensor(spec: SceneSpec) -> ImageSensor:
-    # Resolution and pitch of the pixels are geometry, and belong to the cameras.
-    values = spec.sensor.model_dump(include={item.name for item in dataclasses.fields(ImageSensor)})
-    auto = _auto_exposure(spec)
-    return ImageSensor(**(values if auto is None else values | {"exposure_ms": auto.longest_ms}))
-
-
-def _auto_exposure(spec: SceneSpec) -> AutoExposure | None:
-    if spec.sensor.exposure_ms != "auto":
-        return None
-    values = {"share": spec.sensor.auto_exposure_share, "longest_ms": spec.sensor.longest_exposure_ms}
-    return AutoExposure(**{name: value for name, value in values.items() if value is not None})
-
-
-def _noise_models(spec: SceneSpec, folder: Path, sensor: ImageSensor) -> tuple[NoiseModel, ...]:
-    return tuple(named_model(name, spec.noise, folder, sensor) for name in spec.noise.models)
-
-
-def _camera(spec: CameraSpec, scene: SceneSpec) -> PTZCamera:
-    camera = PTZCamera(
-        position_m=spec.position_m,
-        pan_deg=spec.pan_deg or 0.0,
-        tilt_deg=spec.tilt_deg or 0.0,
-        zoom=spec.zoom,
-        focus_distance_m=spec.focus_distance_m,
-        f_number=scene.lens.f_number if spec.f_number is None else spec.f_number,
-        resolution=scene.sensor.resolution_px,
-        pixel_pitch_m=scene.sensor.pixel_pitch_um * 1e-6,
-        max_zoom=scene.lens.max_zoom,
-        widest_fov_deg=scene.lens.widest_fov_deg,
-        radial_distortion=scene.lens.radial_distortion,
-        psf_sigma_um=scene.lens.psf_sigma_um,
-        aperture_blades=scene.lens.aperture_blades,
-        name=spec.name,
-    )
-    return camera if spec.aim_m is None else camera.aimed_at(spec.aim_m)
-
-
-def _process(spec: SceneSpec) -> ProcessModel:
-    match spec.process:
-        case RandomWalkSpec(step_std_mm=step_std_mm):
-            return RandomWalk(step_std_m=step_std_mm * 1e-3)
-        case ConstantVelocitySpec(acceleration_density_m2_s3=density, time_step_s=time_step_s):
-            return ConstantVelocity(density, time_step_s=time_step_s)
-        case ConstantAccelerationSpec(jerk_density_m2_s5=density, time_step_s=time_step_s):
-            return ConstantAcceleration(density, time_step_s=time_step_s)
+        "state": state_of(draft),
+        "cameras": tuple(camera_of(camera, spec) for camera in spec.cameras),
+        "sensor": sensor,
+        "process": process_of(spec),
+        "noise_models": noise_models_of(spec, path.parent, sensor),
+        "visibility": named_visibility(spec.metric.visibility, path.parent, sensor),
+        "_spec": spec,
+        "warnings": tuple(problems.warnings),
+        "auto_exposure": auto_exposure_of(spec),
+        "_allow_outside": allow_outside,
+    }

@@ -28,9 +28,7 @@ as-printed = 1e-5
 
 from __future__ import annotations
 
-import json
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -50,6 +48,7 @@ from pss.noise.factors import (
 from pss.noise.model import NoiseModel
 from pss.noise.photometric import BrightnessContrast
 from pss.noise.relative import ModuleSize, RelativeDefocus
+from pss.toml_text import toml_text
 
 __all__ = [
     "CALIBRATION_FACTORS",
@@ -155,17 +154,10 @@ class Calibration:
 
     def to_toml(self) -> str:
         """The file's text."""
-        lines = [f"name = {_quoted(self.name)}", "", "[weights]"]
-        lines += [f"{factor} = {float(weight)!r}" for factor, weight in self.weights.items()]
-        if self.limits:
-            lines += ["", "[limits]", *(f"{limit} = {float(value)!r}" for limit, value in self.limits.items())]
-        if self.detection:
-            lines += ["", "[detection]", *(f"{name} = {float(value)!r}" for name, value in self.detection.items())]
-        if self.scales:
-            lines += ["", "[scales]", *(f"{model} = {float(value)!r}" for model, value in self.scales.items())]
-        lines += ["", "[provenance]"]
-        lines += [f"{_key(key)} = {_value(value)}" for key, value in self.provenance.items()]
-        return "\n".join(lines) + "\n"
+        numbers = {"limits": self.limits, "detection": self.detection, "scales": self.scales}
+        tables = {"weights": self.weights} | {name: table for name, table in numbers.items() if table}
+        as_floats = {name: {key: float(value) for key, value in table.items()} for name, table in tables.items()}
+        return toml_text({"name": self.name} | as_floats | {"provenance": dict(self.provenance)})
 
     @classmethod
     def from_file(cls, path: str | Path) -> Calibration:
@@ -242,18 +234,3 @@ def _shown(value: object) -> str:
     """A value from a file as a part of a line, shortened."""
     text = value if isinstance(value, str) and value.isprintable() else repr(value)
     return text if len(text) <= LONGEST_VALUE else text[: LONGEST_VALUE - 1] + "…"
-
-
-def _quoted(text: str) -> str:
-    # JSON's escapes are valid in TOML, except that JSON leaves one control character unescaped.
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
-
-
-def _key(key: str) -> str:
-    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _quoted(key)
-
-
-def _value(value: str | int | float) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    return _quoted(value) if isinstance(value, str) else repr(value)

@@ -13,7 +13,7 @@ from scenes.errors import Location, Problems, allowed_in, nearest
 from scenes.reading.inside import may_open
 from scenes.schema.scene_tables import NoiseSpec, SceneSpec
 
-__all__ = ["check_predictions", "named_model", "named_visibility"]
+__all__ = ["CALIBRATION_FILE", "check_predictions", "named_model", "named_visibility"]
 
 CALIBRATION_FILE = ".toml"
 

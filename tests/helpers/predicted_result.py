@@ -27,7 +27,7 @@ def predicted_result(name: str, measured: Sequence[float] | None = None, every: 
     """
     sweep = load_sweep(name)
     scene = scenes.load(sweep.scene_path)
-    scene = dataclasses.replace(scene, state=dataclasses.replace(scene.state, markers=scene.state.markers[::every]))
+    scene = scene.replace(state=dataclasses.replace(scene.state, markers=scene.state.markers[::every]))
     steps = tuple(dataclasses.replace(step, scene=scene) for step in sweep.configurations(scene))
     pss = np.linspace(1.0, 2.0, len(steps)) if measured is None else np.array(measured)
     steps = steps[: len(pss)]

@@ -161,7 +161,7 @@ def _configuration(held: Held, run: int, step: int, avatar: str) -> Configuratio
     which, stage, scene = design.runs[run], design.stage, design.scenes[step]
     worn = stage.groups[avatar]
     markers = tuple(m for m, kept in zip(scene.state.markers, worn, strict=True) if kept)
-    own = dataclasses.replace(scene, state=dataclasses.replace(scene.state, markers=markers))
+    own = scene.replace(state=dataclasses.replace(scene.state, markers=markers))
     y = float(stage.walk.positions_m[stage.names[0]][step, 1])
     return Configuration(f"{which.label} step {step}", "y_m", y, which.steered.cameras[step], own)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -10,18 +9,17 @@ from pathlib import Path
 
 from pss import Evaluation, PSSError, PTZCamera, RangeError, ShapeError
 from pss.hints import Floats, Integers, Row
-from render.lens.sampling import Sampling
 from scenes import Scene
 from scenes.steps.measurement import measurement_of
-from validate.acquire.auto_exposure import with_exposures
 from validate.acquire.messages import RunMessages
 from validate.acquire.source import open_source
 from validate.points.configuration import Measured
 from validate.runs.console import Console
 from validate.stats.measured_errors import FEWEST_TRIALS, MeasuredErrors
+from validate.sweeps.path import assessed, planned, requested_views
 from validate.sweeps.single_step import comparison_row
 from validate.sweeps.single_step_summary import error_line, ratio_table
-from validate.sweeps.sweep import SweepResult, assess_sweep, plan
+from validate.sweeps.sweep import SweepResult
 
 __all__ = ["Comparison", "FailedViewError", "Measurement", "compare", "measure"]
 
@@ -151,20 +149,19 @@ def measure(
         raise RangeError(f"trials = {trials}; allowed: {FEWEST_TRIALS} or more (one has no spread)")
     if seed < 0:
         raise RangeError(f"seed = {seed}; allowed: 0 or more")
-    given = dataclasses.replace(scene, cameras=tuple(cameras))
+    given = scene.replace(cameras=tuple(cameras))
     sweep = measurement_of(given, names, [f"sweep.trials={trials}", f"sweep.seed={seed}"])
     with RunMessages(quiet) as messages:
         source = open_source(str(store), variant, messages)
-        (loaded,) = with_exposures(
-            [(sweep, given)], source.store, messages.note, messages.note, source.backend, messages.light_solved
-        )
-        planned = plan(*loaded, source.renderer, Sampling(noise_ratio=sweep.render_noise_ratio))
-        acquired = source.acquire(planned.views[0])
-    for item in planned.views[0]:
+        plans = planned([(sweep, given)], source)
+        requested = requested_views(plans)
+        acquired = source.acquire(requested)
+    for item in requested:
         if item.request.key in acquired.failed:
             cause = acquired.failed[item.request.key]
             raise FailedViewError(f"camera {item.request.camera.name}: {cause}; allowed: a view that can be made")
-    return Measurement(assess_sweep(planned, acquired))
+    (result,) = assessed(plans, acquired)
+    return Measurement(result)
 
 
 def compare(predicted: Mapping[str, Evaluation], measured: Measurement) -> Comparison:

@@ -7,8 +7,6 @@ worth more than one that moves on, and PSS ranks by other things than where R ha
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 
 from pss import METRICS
@@ -47,7 +45,7 @@ def scale_rows(result: SweepResult) -> list[Row]:
             # As the step itself was predicted: whole markers are looked for by how they look.
             evaluations = [
                 predict(
-                    dataclasses.replace(step.scene, noise_models=(at_scale,)),
+                    step.scene.replace(noise_models=(at_scale,)),
                     step.cameras,
                     assessment.predicted[model.name].task.appearance,
                 )[model.name]

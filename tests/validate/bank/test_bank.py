@@ -134,7 +134,7 @@ def test_a_bank_of_cameras_that_cannot_zoom_has_one_zoom():
 def test_a_bank_looks_where_cameras_can_and_focuses_where_lenses_can(room):
     """Cameras under the ceiling that look straight down, and a focus that scatters over any distance."""
     above = dataclasses.replace(room.cameras[0], position_m=(*room.state.points_m.mean(axis=0)[:2], 2.95), name="above")
-    scene = dataclasses.replace(room, cameras=(above,))
+    scene = room.replace(cameras=(above,))
     views = held_out_views(scene, BankDesign(settings=40, focus_spread=5.0), "r")
     assert len(views.requested) == 80
     assert min(camera.tilt_deg for camera in views.cameras) < -80

@@ -36,7 +36,7 @@ def around(count, name=lambda number: str(number + 1)):
         place = (2.8 * float(np.cos(turn)), 2.8 * float(np.sin(turn)), 2.8 if number % 2 else 1.8)
         camera = dataclasses.replace(scene.cameras[0], name=name(number), position_m=place)
         cameras.append(camera.aimed_at((0.0, -0.3, 1.3)))
-    return dataclasses.replace(scene, state=state, cameras=tuple(cameras))
+    return scene.replace(state=state, cameras=tuple(cameras))
 
 
 def beside_each_other():
@@ -46,7 +46,7 @@ def beside_each_other():
         dataclasses.replace(camera, position_m=(-2.8 + 0.08 * number, 2.5 - 0.05 * number, 2.8))
         for number, camera in enumerate(scene.cameras)
     )
-    return dataclasses.replace(scene, cameras=cameras)
+    return scene.replace(cameras=cameras)
 
 
 SCENES = {

@@ -97,7 +97,7 @@ def test_whole_markers_are_looked_for_by_how_they_look(zooming):
     markers = len(zooming.configurations[0].scene.state.points_m)
     appearance = Appearance(np.full(markers, 0.035), np.full(markers, 0.02), np.full(markers, 0.001))
     whole = [
-        dataclasses.replace(each, scene=dataclasses.replace(each.scene, visibility=TARGET_VISIBILITY))
+        dataclasses.replace(each, scene=each.scene.replace(visibility=TARGET_VISIBILITY))
         for each in zooming.configurations
     ]
     assessed = [
