@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from validate.pages.style import COLOURS, DASHES, INK, SYMBOLS
+from validate.pages.style import DASHES, SYMBOLS
+from validate.runs.palette import CATEGORIES, INK
 from validate.stats.log_ticks import round_numbers
 
 __all__ = ["ratio_ticks", "side_style"]
@@ -16,7 +17,7 @@ def side_style(number: int) -> tuple[str, str, str]:
     if number == 0:
         return INK, "circle", "solid"
     return (
-        COLOURS[(number - 1) % len(COLOURS)],
+        CATEGORIES[(number - 1) % len(CATEGORIES)],
         SYMBOLS[(number - 1) % len(SYMBOLS)],
         DASHES[(number - 1) % len(DASHES)],
     )

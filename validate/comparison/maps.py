@@ -12,7 +12,8 @@ from validate.comparison.matching import Quantity, matched
 from validate.comparison.series import same_measurement
 from validate.comparison.sides import Side
 from validate.pages.figure import Choice, Columns, Figure, plain, ref
-from validate.pages.style import PURPLE_ORANGE, layout
+from validate.pages.style import layout
+from validate.runs.palette import GRID, OUTLINE, PURPLE_ORANGE
 
 __all__ = ["map_figure"]
 
@@ -85,7 +86,7 @@ def map_figure(sweep: str, sides: Sequence[Side], names: Sequence[str]) -> Figur
             "cmax": MOST_LOG2,
             "colorscale": PURPLE_ORANGE,
             "colorbar": bar,
-            "line": {"width": 1, "color": "#444"},
+            "line": {"width": 1, "color": OUTLINE},
         },
     }
     return Figure(
@@ -127,7 +128,7 @@ def map_figure(sweep: str, sides: Sequence[Side], names: Sequence[str]) -> Figur
                 "title": {"text": "markers", "font": {"size": 13}},
                 "anchor": "x2",
                 "rangemode": "tozero",
-                "gridcolor": "#e4e4e4",
+                "gridcolor": GRID,
             },
             bargap=0.05,
         ),
@@ -163,7 +164,7 @@ def _histogram(which: str) -> dict[str, Any]:
             "cmin": -MOST_LOG2,
             "cmax": MOST_LOG2,
             "colorscale": PURPLE_ORANGE,
-            "line": {"width": 1, "color": "#444"},
+            "line": {"width": 1, "color": OUTLINE},
         },
     }
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from validate.runs.palette import BLUE, DARK_GREEN, MIDDLE_GREY, OCHRE, PURPLE, VERMILION
+
 __all__ = [
     "CALIBRATED",
     "CONTENDERS",
@@ -36,22 +38,20 @@ class Contender:
 
 PRINTED, IDENTITY = "as-printed", "identity"
 PHYSICAL, WHOLE_MARKERS, CALIBRATED = "physical", "physical, whole markers", "calibrated"
-_PRINTED, _CORRECTED, _IDENTITY, _PHYSICAL, _CALIBRATED = "#D55E00", "#B07A00", "#777777", "#0072B2", "#00795A"
 
 CONTENDERS = (
-    Contender(PRINTED, _PRINTED, "o", True),
-    Contender("as-printed, scaled", _PRINTED, "o", False),
-    Contender("corrected", _CORRECTED, "D", True),
-    Contender("corrected, scaled", _CORRECTED, "D", False),
-    Contender(IDENTITY, _IDENTITY, "s", True),
-    Contender("identity, scaled", _IDENTITY, "s", False),
-    Contender(PHYSICAL, _PHYSICAL, "^", True),
-    Contender(WHOLE_MARKERS, _PHYSICAL, "v", True),
-    Contender("calibrated R", _CALIBRATED, "o", False),
-    Contender("calibrated, limits", _CALIBRATED, "s", False),
-    Contender(CALIBRATED, _CALIBRATED, "o", True),
+    Contender(PRINTED, VERMILION, "o", True),
+    Contender("as-printed, scaled", VERMILION, "o", False),
+    Contender("corrected", OCHRE, "D", True),
+    Contender("corrected, scaled", OCHRE, "D", False),
+    Contender(IDENTITY, MIDDLE_GREY, "s", True),
+    Contender("identity, scaled", MIDDLE_GREY, "s", False),
+    Contender(PHYSICAL, BLUE, "^", True),
+    Contender(WHOLE_MARKERS, BLUE, "v", True),
+    Contender("calibrated R", DARK_GREEN, "o", False),
+    Contender("calibrated, limits", DARK_GREEN, "s", False),
+    Contender(CALIBRATED, DARK_GREEN, "o", True),
 )
-_OTHER = "#CC79A7"
 
 
 def contenders_in(names: Iterable[str]) -> list[Contender]:
@@ -59,4 +59,4 @@ def contenders_in(names: Iterable[str]) -> list[Contender]:
     there = list(dict.fromkeys(names))
     known = [contender for contender in CONTENDERS if contender.name in there]
     new = [name for name in there if name not in {contender.name for contender in CONTENDERS}]
-    return known + [Contender(name, _OTHER, "P", True) for name in new]
+    return known + [Contender(name, PURPLE, "P", True) for name in new]

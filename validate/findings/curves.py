@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from validate.findings.forest import FONT_PT, GRID, LINE_PT, SIGN_PT, WIDTH_IN, columns_for
+from validate.findings.forest import FONT_PT, LINE_PT, SIGN_PT, WIDTH_IN, columns_for
 from validate.plots.drawing import plt
+from validate.runs.palette import FINDINGS_GRID
 
 __all__ = ["Curve", "draw_curves", "label_below", "legend_below", "panels_of"]
 
@@ -63,7 +64,7 @@ def panels_of(
             axes.set_visible(False)
             continue
         axes.set_title(titles[number], loc="left", weight="bold")
-        axes.grid(color=GRID, lw=0.8 * scale)
+        axes.grid(color=FINDINGS_GRID, lw=0.8 * scale)
         axes.set_axisbelow(True)
         for side in ("top", "right"):
             axes.spines[side].set_visible(False)

@@ -12,6 +12,7 @@ from validate.findings.forest import FONT_PT, style
 from validate.findings.places import Place
 from validate.findings.size_tables import share_found
 from validate.runs.csv_rows import value_of
+from validate.runs.palette import REFERENCE
 
 __all__ = ["detection_curves", "detection_figure"]
 
@@ -37,7 +38,7 @@ def detection_figure(curves: Sequence[Curve], scale: float) -> Figure:
     with style(scale):
         figure, panels = panels_of(curves, "Are markers found as often as predicted?", PANEL_IN, scale)
         for title, axes in panels:
-            axes.plot((0, 1), (0, 1), color="#555555", lw=1.2 * scale, ls=(0, (4, 2)), zorder=1)
+            axes.plot((0, 1), (0, 1), color=REFERENCE, lw=1.2 * scale, ls=(0, (4, 2)), zorder=1)
             draw_curves(axes, [curve for curve in curves if curve.panel == title], scale, shaded=(NAME,))
             axes.set_xlim(-0.02, 1.02)
             axes.set_ylim(-0.02, 1.02)

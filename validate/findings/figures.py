@@ -22,6 +22,7 @@ from validate.findings.sigma_figure import SIGMA_AXIS, sigma_rows
 from validate.findings.size_figure import size_curves, size_figure
 from validate.plots.drawing import plt
 from validate.runs.csv_rows import all_of, bounds, first_of
+from validate.runs.palette import DARK_INK
 
 __all__ = ["DIGEST", "Drawing", "drawings_of", "write_pdf", "write_svg"]
 
@@ -217,7 +218,7 @@ def _numbers(labels: Sequence[str], panels: Sequence[Panel]) -> str:
     return "\n".join([", ".join(labels), *lines])
 
 
-_BESIDE = Contender("beside", "#222222", "X", True)
+_BESIDE = Contender("beside", DARK_INK, "X", True)
 
 
 def _process(places: Sequence[Place]) -> Drawing | None:

@@ -19,6 +19,7 @@ from pss.hints import CsvRow
 from validate.findings.contenders import Contender
 from validate.plots.drawing import plt
 from validate.runs.csv_rows import bounds
+from validate.runs.palette import DARK_INK, FINDINGS_BAND, FINDINGS_GRID, FRAME, REFERENCE, WELCOME_BAND
 
 __all__ = ["INDENT", "Axis", "Mark", "Panel", "columns_for", "forest", "mark_of", "power_of_ten", "scale_axis", "style"]
 
@@ -26,7 +27,6 @@ WIDTH_IN = 11.0
 ROW_IN, PANEL_IN, FIGURE_IN = 0.27, 0.75, 0.75
 # Signs, of a row's height at most.
 SIGN_PT, LINE_PT = 7.0, 1.8
-BAND, GRID, INK = "#F3F3F3", "#DDDDDD", "#222222"
 FONT_PT = 11.0
 # Where labels begin with it, those without are headings.
 INDENT = "  "
@@ -110,11 +110,11 @@ def style(scale: float) -> Iterator[None]:
         "xtick.major.width": 0.8 * scale,
         "ytick.major.size": 0.0,
         "ytick.major.pad": 9.0 * scale,
-        "axes.edgecolor": "#888888",
-        "text.color": INK,
-        "axes.labelcolor": INK,
-        "xtick.color": INK,
-        "ytick.color": INK,
+        "axes.edgecolor": FRAME,
+        "text.color": DARK_INK,
+        "axes.labelcolor": DARK_INK,
+        "xtick.color": DARK_INK,
+        "ytick.color": DARK_INK,
         "figure.facecolor": "white",
         "savefig.facecolor": "white",
         "pdf.fonttype": 42,
@@ -181,14 +181,14 @@ def _panel(axes: Axes, panel: Panel, labels: Sequence[str], groups: Sequence[str
         if not labels[row].startswith(INDENT) and any(label.startswith(INDENT) for label in labels):
             text.set_weight("bold")
     _shade(axes, groups)
-    axes.grid(axis="x", color=GRID, lw=0.8 * scale, zorder=0)
+    axes.grid(axis="x", color=FINDINGS_GRID, lw=0.8 * scale, zorder=0)
     axes.set_axisbelow(True)
     for side in ("top", "right", "left"):
         axes.spines[side].set_visible(False)
     if axis.band:
-        axes.axvspan(*axis.band, color="#BFE3D0", alpha=0.7, lw=0, zorder=1)
+        axes.axvspan(*axis.band, color=WELCOME_BAND, alpha=0.7, lw=0, zorder=1)
     if axis.line is not None:
-        axes.axvline(axis.line, color="#555555", lw=1.2 * scale, ls=(0, (4, 2)), zorder=1)
+        axes.axvline(axis.line, color=REFERENCE, lw=1.2 * scale, ls=(0, (4, 2)), zorder=1)
     apart = APART if panel.second else 0.0
     for marks, offset in ((panel.marks, -apart), (panel.second, apart)):
         for row, mark in enumerate(marks):
@@ -213,7 +213,7 @@ def _shade(axes: Axes, groups: Sequence[str]) -> None:
     starts = [0, *(row for row, (a, b) in enumerate(pairwise(groups), 1) if a != b), len(groups)]
     for number, (first, last) in enumerate(pairwise(starts)):
         if number % 2 == 0:
-            axes.axhspan(first - 0.5, last - 0.5, color=BAND, lw=0, zorder=0)
+            axes.axhspan(first - 0.5, last - 0.5, color=FINDINGS_BAND, lw=0, zorder=0)
 
 
 def _mark(axes: Axes, row: float, mark: Mark, axis: Axis, scale: float) -> None:

@@ -15,6 +15,7 @@ from validate.findings.forest import FONT_PT, power_of_ten, scale_axis, style
 from validate.findings.places import COUNT, Place
 from validate.findings.process import MOTIONS
 from validate.runs.csv_rows import all_of, bounds, first_of, value_of
+from validate.runs.palette import DARK_INK, REFERENCE
 
 __all__ = ["SHARE", "headline_levels", "process_curves", "process_figure"]
 
@@ -25,7 +26,6 @@ SHARE = "visible-share"
 COUNTS = {COUNT: ("count of points", "X"), SHARE: ("share that two cameras find", "P")}
 # Whose counts: those of the best contender there is.
 COUNTED_BY = ("calibrated", "calibrated, limits", "physical")
-INK = "#222222"
 PANEL_IN = 2.9
 SHADED = ("calibrated", COUNTS[SHARE][0])
 TICKS = (-0.5, 0.0, 0.5, 0.8, 0.95, 0.99, 0.998)
@@ -41,7 +41,7 @@ def process_curves(places: Sequence[Place]) -> list[Curve]:
             found.append(_curve(panel, model.name, model.colour, model.sign, model.filled, of_model))
         for metric, (name, sign) in COUNTS.items():
             counts = (all_of(rows, metric=metric, noise_model=by) for by in COUNTED_BY)
-            found.append(_curve(panel, name, INK, sign, False, next(filter(None, counts), [])))
+            found.append(_curve(panel, name, DARK_INK, sign, False, next(filter(None, counts), [])))
     return [curve for curve in found if curve.x]
 
 
@@ -73,7 +73,7 @@ def process_figure(curves: Sequence[Curve], judged: Mapping[str, float], scale: 
             axes.yaxis.set_major_formatter("{x:g}")
             axes.set_ylim(min(value for value in shown if not math.isnan(value)) - 0.02, HIGHEST)
             if title in judged:
-                axes.axvline(judged[title], color="#555555", lw=1.2 * scale, ls=(0, (4, 2)), zorder=1)
+                axes.axvline(judged[title], color=REFERENCE, lw=1.2 * scale, ls=(0, (4, 2)), zorder=1)
         label_below(panels, "q / c (dashed: judged level)")
         figure.supylabel("Spearman's ρ with the filter's measured PSS", fontsize=FONT_PT * scale)
         legend_below(figure, panels, scale)

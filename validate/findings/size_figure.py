@@ -13,6 +13,7 @@ from validate.findings.curves import Curve, draw_curves, label_below, legend_bel
 from validate.findings.forest import FONT_PT, style
 from validate.findings.places import Place
 from validate.runs.csv_rows import all_of, value_of
+from validate.runs.palette import REFERENCE
 
 __all__ = ["size_curves", "size_figure"]
 
@@ -51,7 +52,7 @@ def size_figure(curves: Sequence[Curve], scale: float) -> Figure:
         figure, panels = panels_of(curves, "Is the error of each point as large as predicted?", PANEL_IN, scale)
         for title, axes in panels:
             here = [curve for curve in curves if curve.panel == title]
-            axes.axhline(1.0, color="#555555", lw=1.2 * scale, ls=(0, (4, 2)), zorder=1)
+            axes.axhline(1.0, color=REFERENCE, lw=1.2 * scale, ls=(0, (4, 2)), zorder=1)
             draw_curves(axes, [curve for curve in here if curve in near], scale, SHADED)
             axes.set_xscale("log")
             axes.set_yscale("log")

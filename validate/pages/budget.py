@@ -11,7 +11,8 @@ from pss.hints import Floats
 from validate.pages.data import KINDS, SweepTable
 from validate.pages.figure import Columns, Figure, plain, ref
 from validate.pages.steps import Step
-from validate.pages.style import GREY, INK, layout
+from validate.pages.style import layout
+from validate.runs.palette import BLUE, GREY, INK, VERMILION
 
 __all__ = ["Budget", "budget_columns", "budget_figure", "budget_terms", "visibility_columns", "visibility_figure"]
 
@@ -81,7 +82,7 @@ def budget_figure(table: SweepTable) -> Figure:
             "showlegend": False,
             "cliponaxis": False,
             "marker": {
-                "color": ["#0072B2"] * (len(names) - 1) + [INK],
+                "color": [BLUE] * (len(names) - 1) + [INK],
                 "size": 12,
                 "symbol": ["circle"] * (len(names) - 1) + ["diamond"],
             },
@@ -142,15 +143,15 @@ def visibility_figure(table: SweepTable) -> Figure:
     seen, missed = table.detection["visible_detected"], table.detection["visible_missed"]
     bar = {"type": "bar", "orientation": "h", "y": ref("seen_cameras")}
     traces = [
-        bar | {"x": ref("seen_found"), "name": "should be seen, found", "marker": {"color": "#0072B2"}},
+        bar | {"x": ref("seen_found"), "name": "should be seen, found", "marker": {"color": BLUE}},
         bar
         | {
             "x": ref("seen_missed"),
             "name": "should be seen, missed",
             "marker": {
                 "color": "white",
-                "line": {"color": "#D55E00", "width": 1.5},
-                "pattern": {"shape": "/", "fgcolor": "#D55E00", "size": 6},
+                "line": {"color": VERMILION, "width": 1.5},
+                "pattern": {"shape": "/", "fgcolor": VERMILION, "size": 6},
             },
         },
         bar | {"x": ref("unseen_found"), "name": "found unforeseen", "marker": {"color": GREY}},

@@ -11,8 +11,9 @@ from pss.hints import Floats
 from validate.pages.data import MM, SweepTable
 from validate.pages.figure import Choice, Columns, Figure, plain, ref
 from validate.pages.steps import Step
-from validate.pages.style import GREY, INK, PURPLE_ORANGE, SCALE, layout
+from validate.pages.style import SCALE, layout
 from validate.prediction.frusta import room_corners
+from validate.runs.palette import GREY, INK, OUTLINE, PURPLE_ORANGE
 from validate.stats.log_ticks import round_numbers
 
 __all__ = ["plan_figure"]
@@ -83,7 +84,7 @@ def plan_figure(table: SweepTable, steps: Sequence[Step]) -> Figure:
                 "cmax": ref("plan_high|{quantity}|{model}"),
                 "colorscale": ref("plan_scale|{quantity}|{model}"),
                 "reversescale": ref("plan_reversed|{quantity}"),
-                "line": {"width": 1, "color": "#444"},
+                "line": {"width": 1, "color": OUTLINE},
                 "colorbar": {
                     "title": {"text": ref("plan_title|{quantity}"), "side": "right"},
                     "tickvals": ref("plan_ticks|{quantity}|{model}"),

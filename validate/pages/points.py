@@ -11,7 +11,8 @@ from validate.pages.curves import place
 from validate.pages.data import KINDS, Kind, SweepTable
 from validate.pages.figure import Choice, Columns, Figure, plain, ref
 from validate.pages.steps import Step
-from validate.pages.style import GREY, INK, LOG_AXIS, SCALE, layout, object_styles
+from validate.pages.style import LOG_AXIS, SCALE, layout, object_styles
+from validate.runs.palette import GREY, INK, OTHER_POINTS
 
 __all__ = ["point_columns", "points_figure"]
 
@@ -32,7 +33,7 @@ def points_figure(table: SweepTable) -> Figure:
         "mode": "markers",
         "x": ref("cloud_x|{kind}|{model}"),
         "y": ref("cloud_y|{kind}|{model}"),
-        "marker": {"color": "#c9c9c9", "size": 4},
+        "marker": {"color": OTHER_POINTS, "size": 4},
         "hoverinfo": "skip",
         "name": "all steps",
     }

@@ -12,7 +12,8 @@ from validate.pages.curves import place, step_axis
 from validate.pages.data import SweepTable
 from validate.pages.empty_rows import NO_ORDER, Sign, empty_row_words
 from validate.pages.figure import Choice, Columns, Figure, plain, ref
-from validate.pages.style import GREY, INK, LOG_AXIS, layout, line_at, model_style
+from validate.pages.style import LOG_AXIS, layout, line_at, model_style
+from validate.runs.palette import BLUE, GREY, INK
 from validate.sweeps.correlation import SHARES_UNDER_MM
 
 __all__ = ["leaderboard_figure", "nees_figure"]
@@ -149,7 +150,7 @@ def nees_figure(table: SweepTable) -> Figure:
     }
     traces = []
     for name, where, colour, symbol in (
-        ("predicted C", "{model}", "#0072B2", "square"),
+        ("predicted C", "{model}", BLUE, "square"),
         ("the detections’ own covariance", "detections", INK, "circle"),
     ):
         error = {

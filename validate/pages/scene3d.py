@@ -13,6 +13,7 @@ from render.world.state import Room
 from validate.pages.data import SweepTable
 from validate.pages.figure import Choice, Figure, ref
 from validate.pages.shades import scales
+from validate.runs.palette import BLUE, DARK_INK, FLOOR, GREY, INK, OBJECTS, ROOM_EDGES, VERMILION
 
 __all__ = ["GROUPS", "IDLE", "Group", "fitted_camera", "scene_figure"]
 
@@ -26,7 +27,7 @@ class Group:
     words: str
 
 
-GROUPS = {"varied": Group("#D55E00", "square", "varied cameras"), "fixed": Group("#0072B2", "circle", "other cameras")}
+GROUPS = {"varied": Group(VERMILION, "square", "varied cameras"), "fixed": Group(BLUE, "circle", "other cameras")}
 """Of a sweep's cameras, by their name in `Step.groups`."""
 EYE = (0.54, 1.12, 0.66)
 """Where a scene is seen from at first: a direction from its middle."""
@@ -34,7 +35,7 @@ EYE = (0.54, 1.12, 0.66)
 HALF_HEIGHT, WIDE, NARROW = math.tan(math.radians(22.5)), 1.75, 0.9
 # Heights that it may look at, in plotly's unit from the room's middle: what is near and low takes the most room.
 CENTRES = np.linspace(-1.0, 0.5, 151)
-IDLE = Group("#8a8a8a", "cross", "cameras that are off")
+IDLE = Group(GREY, "cross", "cameras that are off")
 
 
 def scene_figure(
@@ -56,9 +57,9 @@ def scene_figure(
     """
     flat = {"ambient": 1.0, "diffuse": 0.0, "specular": 0.0}
     traces: list[dict[str, Any]] = [
-        _lines("room", "#9a9a9a", 1.5) | {"name": "room", "showlegend": False, "meta": {"layer": "room"}},
-        _mesh("floor", "#f1efe9", 1.0) | {"lighting": flat, "meta": {"layer": "room"}},
-        _mesh("objects", "#e9e9e9", 1.0)
+        _lines("room", ROOM_EDGES, 1.5) | {"name": "room", "showlegend": False, "meta": {"layer": "room"}},
+        _mesh("floor", FLOOR, 1.0) | {"lighting": flat, "meta": {"layer": "room"}},
+        _mesh("objects", OBJECTS, 1.0)
         | {
             "flatshading": False,
             "lighting": {"ambient": 0.85, "diffuse": 0.2, "specular": 0.0},
@@ -90,7 +91,7 @@ def scene_figure(
             "type": "scatter3d",
             "mode": "markers",
             **{axis: ref(f"dots_{axis}") for axis in "xyz"},
-            "marker": {"size": 3, "color": "#222222", "opacity": 0.6},
+            "marker": {"size": 3, "color": DARK_INK, "opacity": 0.6},
             "text": [],
             "hovertemplate": "%{text}<extra></extra>",
             "name": "markers (× not observable)",
@@ -215,7 +216,7 @@ def _body(name: str, colour: str) -> list[dict[str, Any]]:
             "mode": "text",
             **{axis: ref(f"name|{name}_{axis}") for axis in "xyz"},
             "text": [name],
-            "textfont": {"size": 16, "color": "#1a1a1a", "weight": "bold"},
+            "textfont": {"size": 16, "color": INK, "weight": "bold"},
             "hoverinfo": "skip",
             "showlegend": False,
             "meta": {"layer": "objects"},

@@ -10,18 +10,15 @@ import numpy as np
 from pss.hints import Floats
 from validate.pages.data import KINDS, SweepTable
 from validate.pages.figure import Columns, plain
-from validate.pages.style import PURPLE_ORANGE
+from validate.runs.palette import PURPLE_ORANGE, UNKNOWN_GREY, VIRIDIS
 
-__all__ = ["VIRIDIS", "plate_colours", "scales"]
+__all__ = ["plate_colours", "scales"]
 
 
 # Decades that a scale of ratios shows at least on each side of 1.
 LEAST_DECADES = 0.3
 # Of a scale's length, at its lower end: markers that are not known.
 GREY_SHARE = 0.06
-UNKNOWN_GREY = "#b3b3b3"
-# From low to high error: light to dark.
-VIRIDIS = ((0.0, "#fde725"), (0.25, "#5ec962"), (0.5, "#21918c"), (0.75, "#3b528b"), (1.0, "#440154"))
 
 
 def scales(table: SweepTable) -> Columns:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from validate.runs.palette import CATEGORIES, GREY, GRID, INK
+
 __all__ = [
-    "GREY",
-    "INK",
     "LOG_AXIS",
     "NUMBERS",
-    "PURPLE_ORANGE",
     "SCALE",
     "layout",
     "line_at",
@@ -17,14 +16,10 @@ __all__ = [
     "object_styles",
 ]
 
-INK, GREY, GRID = "#1a1a1a", "#8a8a8a", "#e4e4e4"
-# Okabe and Ito, each with a symbol and a dash of its own.
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
+# Of each of the palette's categories.
 SYMBOLS = ("square", "diamond", "triangle-up", "cross", "triangle-down", "x")
 DASHES = ("dash", "dot", "dashdot", "longdash", "longdashdot", "dash")
 SCALE = "Viridis"
-# Light in the middle, dark at both ends, and told apart by all kinds of colour vision (ColorBrewer's PuOr).
-PURPLE_ORANGE = [[0, "#2d004b"], [0.25, "#8073ac"], [0.5, "#f0f0f0"], [0.75, "#e08214"], [1, "#7f3b08"]]
 NUMBERS = ".6~g"
 """d3's format of an axis's numbers: each written out."""
 LOG_AXIS = {"type": "log", "tickformat": NUMBERS, "nticks": 3}
@@ -37,13 +32,13 @@ FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', sans-ser
 
 def model_style(number: int) -> tuple[str, str, str]:
     """Colour, symbol and dash of a noise model."""
-    return COLOURS[number % len(COLOURS)], SYMBOLS[number % len(SYMBOLS)], DASHES[number % len(DASHES)]
+    return CATEGORIES[number % len(CATEGORIES)], SYMBOLS[number % len(SYMBOLS)], DASHES[number % len(DASHES)]
 
 
 def object_styles(objects: tuple[str, ...]) -> dict[str, tuple[str, str]]:
     """Colour and symbol of each object that carries markers."""
     names = list(dict.fromkeys(objects))
-    return {name: (COLOURS[n % len(COLOURS)], ("circle", *SYMBOLS)[n % 7]) for n, name in enumerate(names)}
+    return {name: (CATEGORIES[n % len(CATEGORIES)], ("circle", *SYMBOLS)[n % 7]) for n, name in enumerate(names)}
 
 
 def line_at(x: Any) -> dict[str, Any]:

@@ -12,12 +12,12 @@ from matplotlib.ticker import NullFormatter
 from render.store.folder import atomic_path
 from validate.bank.calibration_study import EACH_FRAME, FROZEN, IN_WEIGHTS, OVER, OWN, WITHIN
 from validate.plots.drawing import plt
+from validate.runs.palette import BLUE, GREEN, REFERENCE, VERMILION
 
 __all__ = ["draw"]
 
 Rows = Sequence[dict[str, object]]
 
-NONE = "#555555"
 DPI = 150
 # (column, its unit's scale, title, label of x)
 KINDS = (
@@ -32,10 +32,10 @@ POPULATIONS = (
 )
 # (weights of triangulation, prediction, colour (blind-safe, Okabe and Ito), style, label)
 CURVES = (
-    (OWN, "plain", "#D55E00", "o-", "no term for it"),
-    (OWN, "with_term", "#0072B2", "s-", "a term in the predicted R"),
-    (IN_WEIGHTS, "with_term", "#009E73", "^-", "a term in R and in triangulation's weights"),
-    (IN_WEIGHTS, "other_draws", "#555555", ":", "as measured in the mean of other calibrations"),
+    (OWN, "plain", VERMILION, "o-", "no term for it"),
+    (OWN, "with_term", BLUE, "s-", "a term in the predicted R"),
+    (IN_WEIGHTS, "with_term", GREEN, "^-", "a term in R and in triangulation's weights"),
+    (IN_WEIGHTS, "other_draws", REFERENCE, ":", "as measured in the mean of other calibrations"),
 )
 
 
@@ -68,14 +68,14 @@ def _line(panels: Sequence[Axes], none: dict[str, object], rows: Rows) -> None:
         others = [name for name, *_ in KINDS if name != column]
         alone = [row for row in rows if _value(row, column) and not any(_value(row, name) for name in others)]
         _curves(axes, alone, lambda row, column=column, scale=scale: scale * _value(row, column))
-        axes.axhline(_value(none, "spearman_plain"), color=NONE, ls="--", lw=1, label="no error")
+        axes.axhline(_value(none, "spearman_plain"), color=REFERENCE, ls="--", lw=1, label="no error")
         axes.set_xscale("log")
         axes.xaxis.set_major_formatter("{x:g}")
         axes.xaxis.set_minor_formatter(NullFormatter())
     together = [row for row in rows if all(_value(row, column) for column, *_ in KINDS)]
     names = list(dict.fromkeys(_sizes(row) for row in together))
     _curves(panels[-1], together, lambda row: names.index(_sizes(row)))
-    panels[-1].axhline(_value(none, "spearman_plain"), color=NONE, ls="--", lw=1)
+    panels[-1].axhline(_value(none, "spearman_plain"), color=REFERENCE, ls="--", lw=1)
     panels[-1].set_xticks(range(len(names)), names, rotation=20, fontsize=8)
 
 

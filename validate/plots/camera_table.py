@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from validate.plots.names_beside import shortened
-from validate.plots.sweep import MODEL_COLOURS
 from validate.prediction.foresight import Foreseen
+from validate.runs.palette import CATEGORIES
 
 __all__ = ["MOST_BESIDE", "camera_colour", "draw_below", "draw_beside", "height_below_in"]
 
@@ -33,7 +33,7 @@ LONGEST = 13
 
 def camera_colour(number: int) -> str:
     """The colour of the camera of this number, in drawing and table."""
-    return MODEL_COLOURS[number % len(MODEL_COLOURS)]
+    return CATEGORIES[number % len(CATEGORIES)]
 
 
 def height_below_in(cameras: int) -> float:

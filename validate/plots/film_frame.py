@@ -21,7 +21,7 @@ from pss.hints import Floats, Pixels
 from render.world.state import Room
 from validate.plots.footprint import footprint_m, wedge_m
 from validate.plots.glyphs import settle_words
-from validate.plots.sweep import MEASURED, MODEL_COLOURS
+from validate.runs.palette import CATEGORIES, FOUND, MEASURED
 
 __all__ = ["PICTURE_PX", "FilmFrame", "draw_frame"]
 
@@ -31,7 +31,6 @@ PICTURE_PX = (1280, 720)
 # As for the contact sheets: an image that is linear in light looks black on a screen.
 GAMMA = 2.2
 # Stands out from grey images, and is no avatar's colour.
-FOUND = "#3CDC50"
 DPI = 100
 # The picture's parts, in pixels: the line at the top, a caption over each view, and the plan at the right.
 MARGIN_PX, GAP_PX, HEADER_PX, CAPTION_PX = 16, 12, 44, 24
@@ -105,7 +104,7 @@ def draw_frame(frame: FilmFrame, room: Room, strategy: str, walked_m: Mapping[st
         strategy: its name, for the line at the top.
         walked_m: m, where each avatar's middle was so far, by name, (P, 3) each; None for nothing.
     """
-    colours = {name: MODEL_COLOURS[k % len(MODEL_COLOURS)] for k, name in enumerate(frame.avatars)}
+    colours = {name: CATEGORIES[k % len(CATEGORIES)] for k, name in enumerate(frame.avatars)}
     width, height = PICTURE_PX
     figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI, facecolor="white")
     canvas = FigureCanvasAgg(figure)

@@ -11,7 +11,7 @@ from validate.plots.print_style import WIDTH_IN, for_print, print_colour_scale
 from validate.plots.projected import Eye
 from validate.plots.room3d import SIGNS, draw_configuration, shared_colours
 from validate.plots.schedule import PANELS, draw_panel, key_lines
-from validate.plots.sweep import MODEL_COLOURS
+from validate.runs.palette import CATEGORIES
 from validate.schedule.results import KINDS, ScheduleResult
 from validate.schedule.runs import limit_name
 from validate.stats.intervals import interval
@@ -74,7 +74,7 @@ def _followed(result: ScheduleResult, number: int) -> dict[str, str]:
     assigned = result.held.design.runs[run].steered.assignments[step]
     cameras = result.configurations[number].cameras
     return {
-        camera.name: MODEL_COLOURS[names.index(name)]
+        camera.name: CATEGORIES[names.index(name)]
         for camera, name in zip(cameras, assigned, strict=True)
         if name in names
     }
@@ -95,7 +95,7 @@ def _arrows(axes: Axes, result: ScheduleResult, number: int, eye: Eye) -> None:
         )
         start = np.array([*way[step][:2], top + OVER_HEAD_M])
         arrow = ARROW_M * walked / np.linalg.norm(walked)
-        colour = MODEL_COLOURS[order]
+        colour = CATEGORIES[order]
         tail, head = eye.flat(np.array([start, start + arrow]))
         line = {"arrowstyle": "-|>", "color": colour, "lw": 1.2, "shrinkA": 0, "shrinkB": 0}
         axes.annotate("", head, tail, arrowprops=line, zorder=SIGNS)

@@ -14,13 +14,13 @@ from pss.hints import Floats
 from render.store.folder import atomic_path
 from validate.pixel_noise.design import COMBINATIONS
 from validate.plots.drawing import plt
+from validate.runs.palette import BLUE, MEASURED, MIDDLE_GREY, PURPLE, VERMILION
 
 __all__ = ["draw", "noise_figure"]
 
 Rows = Sequence[dict[str, object]]
 
-# Colour-blind safe (Okabe and Ito).
-SPREAD, BIAS, PAPER, BOUND, PHYSICAL = "#0072B2", "#D55E00", "#CC79A7", "#111111", "#777777"
+SPREAD, BIAS, PAPER, BOUND, PHYSICAL = BLUE, VERMILION, PURPLE, MEASURED, MIDDLE_GREY
 DPI = 150
 LOGARITHMIC = ("module_px", "white_e")
 # (series, column along x, title, label of x)

@@ -28,6 +28,7 @@ from validate.plots.glyphs import settle_words
 from validate.plots.names_beside import Name, grouped, names_beside, width_of
 from validate.plots.room3d import COLOUR_MAP, colour_scale
 from validate.prediction.foresight import ENOUGH, Foreseen, headline
+from validate.runs.palette import BLUE, LAMP, UNSEEN
 
 __all__ = ["plan_figure", "write_plan"]
 
@@ -40,7 +41,6 @@ TITLES = {"plan": "plan", "front": "elevation over x, see-through", "side": "ele
 # Of the room's smaller side: a camera's sign; and in signs, the room around the drawing.
 OFF = 0.035
 MARGIN = 3.2
-UNSEEN = "#D00000"
 NAME_PT, SMALL_NAME_PT = 11.0, 8.0
 # Of a sign's size: cameras nearer to each other than this share their name's place.
 TOGETHER = 0.3
@@ -115,7 +115,7 @@ def _draw(axes: Axes, seen: Foreseen, name: str, norm: LogNorm) -> None:
     if name == "plan":
         for panel in state.light.panels:
             corner = np.array(panel.centre_m) - np.array(panel.size_m) / 2
-            axes.add_patch(Outline(tuple(corner), *panel.size_m, facecolor="none", edgecolor="#c9a400", lw=0.8, ls=":"))
+            axes.add_patch(Outline(tuple(corner), *panel.size_m, facecolor="none", edgecolor=LAMP, lw=0.8, ls=":"))
     for item in sorted(state.objects, key=lambda item: _top_m(item)):
         _object(axes, item, (across, up))
     for number, camera in enumerate(seen.scene.cameras):
@@ -283,7 +283,7 @@ def _key(axes: Axes, seen: Foreseen) -> None:
         ),
         Patch(facecolor=matplotlib.colormaps[COLOUR_MAP](0.3), edgecolor="0.25", label="marker, coloured by its σ"),
         Line2D([], [], color="0.3", ls=(0, (4, 3)), lw=0.9, label="axis of a camera, up to its focus"),
-        Patch(facecolor=(0, 0.45, 0.7, 0.1), edgecolor="#0072B2", label="field of view at the markers' median height"),
+        Patch(facecolor=(0, 0.45, 0.7, 0.1), edgecolor=BLUE, label="field of view at the markers' median height"),
     ]
     if _named_once(seen):
         handles.append(Line2D([], [], ls="", label="names: in the plan, where there is room, and the table"))

@@ -20,6 +20,7 @@ from render.world.state import SceneState
 from validate.plots.names_beside import Name, grouped, names_beside
 from validate.plots.projected import CELL_M, Eye, Patches, patches_of, room_edges, wall_patches
 from validate.prediction.frusta import frustum
+from validate.runs.palette import BLUE, VERMILION
 from validate.sweeps.sweep import SweepResult
 
 __all__ = [
@@ -33,7 +34,7 @@ COLOUR_MAP = "viridis_r"
 PLATE_MODULES = 8.0
 # So that no camera hides before the ball.
 ELEVATION_DEG, AZIMUTH_DEG = 38.0, 62.0
-VARIED, OTHER, IDLE = "#D55E00", "#0072B2", "0.55"
+VARIED, OTHER, IDLE = VERMILION, BLUE, "0.55"
 UNOBSERVABLE = (0.72, 0.72, 0.72, 1.0)
 # Of the numbers between powers of ten those that begin so have room beside a colour scale.
 LABELLED_BETWEEN_DECADES = "235"

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from validate.plots.drawing import plt
-from validate.plots.sweep import MODEL_COLOURS
+from validate.runs.palette import CATEGORIES, OUTLINE, ZERO_LINE
 from validate.schedule.held import FULL_MODEL
 from validate.schedule.results import KINDS, ScheduleResult
 from validate.schedule.runs import limit_name
@@ -64,7 +64,7 @@ def draw_panel(axes: Axes, result: ScheduleResult, strategies: list[str], kind: 
     for number, run in enumerate(runs):
         if run.strategy not in strategies:
             continue
-        colour = MODEL_COLOURS[list(dict.fromkeys(r.strategy for r in runs)).index(run.strategy) % len(MODEL_COLOURS)]
+        colour = CATEGORIES[list(dict.fromkeys(r.strategy for r in runs)).index(run.strategy) % len(CATEGORIES)]
         style = LINES[limits.index(run.zoom_limit) % len(LINES)]
         label = PAPERS.get(run.strategy, run.strategy) if run.zoom_limit == limits[0] else None
         axes.plot(y, PER_MM * predicted.values[number], style, color=colour, label=label, linewidth=1.6)
@@ -82,12 +82,12 @@ def draw_panel(axes: Axes, result: ScheduleResult, strategies: list[str], kind: 
         # In its own unit a shape, not a size: drawn at the measured mean.
         scale = measured.values[number].mean() / beside.values[number].mean()
         axes.plot(y, PER_MM * scale * beside.values[number], color=colour, linewidth=0.7, alpha=0.55)
-    axes.axvline(0, color="#bbbbbb", linewidth=0.8, zorder=0)
+    axes.axvline(0, color=ZERO_LINE, linewidth=0.8, zorder=0)
 
 
 def key_lines(result: ScheduleResult) -> list[Line2D]:
     limits = list(dict.fromkeys(run.zoom_limit for run in result.held.design.runs))
-    grey = "#444444"
+    grey = OUTLINE
     found = []
     for style, limit in zip(LINES, limits, strict=False):
         name = "no zoom limit" if limit is None else f"zoom limit ×{limit_name(limit).removeprefix('x')}"

@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 
 from validate.plots.drawing import plt
 from validate.plots.room3d import COLOUR_MAP, colour_scale, draw_configuration, shared_colours
-from validate.plots.style import MEASURED, MODEL_COLOURS, TITLE_WIDTH, write_round_numbers
+from validate.plots.style import TITLE_WIDTH, write_round_numbers
+from validate.runs.palette import CATEGORIES, MEASURED
 from validate.sweeps.sweep import SweepResult
 
 __all__ = ["draw_errors", "measurement_figure"]
@@ -51,7 +52,7 @@ def draw_plan(axes: Axes, result: SweepResult) -> None:
         write_round_numbers(bar.ax.yaxis, rms[known])
     for camera in configuration.cameras:
         x, y, _ = camera.position_m
-        axes.plot(x, y, "v", color=MODEL_COLOURS[0], ms=7)
+        axes.plot(x, y, "v", color=CATEGORIES[0], ms=7)
         axes.annotate(camera.name, (x, y), (0, 5), textcoords="offset points", ha="center", fontsize=9)
     half = state.room.width_m / 2, state.room.length_m / 2
     axes.set(xlim=(-half[0], half[0]), ylim=(-half[1], half[1]), aspect="equal", xlabel="x in m", ylabel="y in m")
@@ -67,7 +68,7 @@ def draw_errors(axes: Axes, result: SweepResult) -> None:
     x, drawn = np.arange(len(markers)), []
     for number, model in enumerate(result.noise_models):
         drawn.append(assessment.predicted[model].single_frame_rms_m[order] * MM)
-        colour = MODEL_COLOURS[number % len(MODEL_COLOURS)]
+        colour = CATEGORIES[number % len(CATEGORIES)]
         axes.plot(x, drawn[-1], "s", label=f"predicted √tr C, {model}", color=colour, ms=4, mfc="none")
     drawn.append(assessment.measured.errors.rms_m[order] * MM)
     axes.plot(x, drawn[-1], "o", color=MEASURED, ms=4, label="measured RMS")

@@ -9,11 +9,8 @@ from numpy.typing import NDArray
 
 from validate.stats.log_ticks import round_numbers
 
-__all__ = ["MEASURED", "MODEL_COLOURS", "TITLE_WIDTH", "write_round_numbers"]
+__all__ = ["TITLE_WIDTH", "write_round_numbers"]
 
-MEASURED = "#111111"
-# Colour-blind safe (Okabe and Ito).
-MODEL_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 # Characters of a title's line.
 TITLE_WIDTH = 90
 MOST_TICKS, WIDER = 7, 1.1

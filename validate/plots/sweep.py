@@ -23,9 +23,10 @@ from validate.plots.glyphs import settle_words
 from validate.plots.names_beside import shortened, width_of
 from validate.plots.room3d import colour_scale, draw_configuration, shared_colours
 from validate.plots.single_step import measurement_figure
-from validate.plots.style import MEASURED, MODEL_COLOURS, TITLE_WIDTH, write_round_numbers
+from validate.plots.style import TITLE_WIDTH, write_round_numbers
 from validate.runs.axis_names import AXIS_NAMES
 from validate.runs.file_names import FIGURES, figure_file
+from validate.runs.palette import CATEGORIES, MEASURED
 from validate.runs.table_text import written
 from validate.stats.intervals import interval
 from validate.stats.optimum import optimum
@@ -36,8 +37,6 @@ from validate.sweeps.slopes import Slopes, slopes_of
 from validate.sweeps.sweep import SweepResult
 
 __all__ = [
-    "MEASURED",
-    "MODEL_COLOURS",
     "all_drawn",
     "draw_all",
     "draw_curves",
@@ -186,7 +185,7 @@ def draw_curves(axes: Axes, result: SweepResult, single_frame: bool) -> None:
             axes.fill_between(x, low / best, high / best, color=MEASURED, alpha=0.15, lw=0, label="95 % interval")
     colours, places = [MEASURED], [_curve(axes, x, measured, MEASURED, "o-", "measured")]
     for number, model in enumerate(result.noise_models):
-        colours.append(MODEL_COLOURS[number % len(MODEL_COLOURS)])
+        colours.append(CATEGORIES[number % len(CATEGORIES)])
         predicted = trend(result, single_frame, model)
         places.append(_curve(axes, x, predicted, colours[-1], "s--", f"predicted, {model}"))
     heights = star_heights(places, float(x[-1] - x[0]))
@@ -216,7 +215,7 @@ def _slopes(axes: Axes, result: SweepResult, found: Slopes) -> None:
     label += f" [{found.low:+.2f}, {found.high:+.2f}]" if np.isfinite(found.low) else ""
     axes.plot(x, found.measured_rms_m / found.measured_rms_m[0], "o-", color=MEASURED, ms=4, lw=1.5, label=label)
     for number, (model, rms) in enumerate(found.predicted_rms_m.items()):
-        colour, label = MODEL_COLOURS[number % len(MODEL_COLOURS)], f"{model}: {found.predicted[model]:+.2f}"
+        colour, label = CATEGORIES[number % len(CATEGORIES)], f"{model}: {found.predicted[model]:+.2f}"
         axes.plot(x, rms / rms[0], "s--", color=colour, ms=4, lw=1.5, label=label)
     axes.set(xscale="log", yscale="log", ylabel="RMS relative to the first step")
     axes.set_xlabel(AXIS_NAMES.get(result.configurations[0].parameter, result.configurations[0].parameter))

@@ -9,7 +9,8 @@ import numpy as np
 from pss.hints import Floats
 from validate.pages.data import KINDS, Kind
 from validate.pages.figure import Choice, Columns, Figure, plain, ref
-from validate.pages.style import INK, layout, line_at, model_style
+from validate.pages.style import layout, line_at, model_style
+from validate.runs.palette import BLUE, INK
 from validate.schedule_pages.tables import ScheduleTable
 
 __all__ = ["walk_columns", "walk_figure"]
@@ -51,8 +52,8 @@ def walk_figure(table: ScheduleTable, first_avatar: str, second_avatar: str) -> 
             "customdata": ref("curve|size|{kind}|{model}|{strategy}|{zoom_limit}"),
             "hovertemplate": hover,
             "name": "predicted",
-            "line": {"color": "#0072B2", "dash": "dash", "width": 2},
-            "marker": {"color": "#0072B2", "symbol": "square", "size": 8},
+            "line": {"color": BLUE, "dash": "dash", "width": 2},
+            "marker": {"color": BLUE, "symbol": "square", "size": 8},
         },
         {
             "when": chosen,

@@ -15,6 +15,7 @@ from validate.pages.scene3d import Group
 from validate.pages.section import Courses, Section
 from validate.pages.sentences import claims
 from validate.pages.steps import Step
+from validate.runs.palette import BLUE, TINT_BLUE, TINT_VERMILION, VERMILION
 from validate.runs.table_text import written
 from validate.schedule_pages import curves, ranking, sentences
 from validate.schedule_pages.steps import Different, label_of
@@ -23,8 +24,8 @@ from validate.schedule_pages.tables import ScheduleTable
 __all__ = ["html_of_schedule", "schedule_section"]
 
 # Signs of the cameras that follow the first and the second avatar, as of their markers, and tints of their bodies.
-FOLLOWING = (("#0072B2", "circle"), ("#D55E00", "square"))
-TINTS = ("#bcd7ec", "#f3d3bd")
+FOLLOWING = ((BLUE, "circle"), (VERMILION, "square"))
+TINTS = (TINT_BLUE, TINT_VERMILION)
 # Of a body in each of the steps: hundreds of them are sent with the page.
 MOST_FACES = 700
 # A marker of a suit is some centimetres wide, in a hallway of ten metres.

@@ -10,8 +10,9 @@ import numpy as np
 from pss.hints import CsvRow
 from validate.pages.empty_rows import Sign, empty_row_words
 from validate.pages.figure import Choice, Columns, Figure, plain, ref
-from validate.pages.style import GREY, INK, layout, model_style
+from validate.pages.style import layout, model_style
 from validate.runs.csv_rows import all_of
+from validate.runs.palette import BLUE, GREY, INK
 from validate.schedule_pages.tables import KIND_NAMES, ScheduleTable, number
 
 __all__ = ["agreement_figure", "ranking_figure"]
@@ -46,7 +47,7 @@ def ranking_figure(table: ScheduleTable) -> Figure:
                     series = {"predicted": (model, -APART), "measured": (key, APART)}
                     columns[f"words|{stem}|{model}|{key}"] = _words(columns, stem, series)
     traces = [
-        _dots("predicted", "{zoom_limit}|{kind}|{model}", names, -APART, ("#0072B2", "square"), "rank %{x:.2g}"),
+        _dots("predicted", "{zoom_limit}|{kind}|{model}", names, -APART, (BLUE, "square"), "rank %{x:.2g}"),
         _dots("measured", "{zoom_limit}|{kind}|{measure}", names, APART, (INK, "circle"), "rank %{x:.2g}"),
     ]
     return Figure(

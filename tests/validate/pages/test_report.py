@@ -31,13 +31,13 @@ from validate.pages.gltf import linear
 from validate.pages.images import BUDGET_BYTES, chosen_crops, pictures_of
 from validate.pages.section import KIND_CHOICE, section_of
 from validate.pages.sentences import in_words, verdicts
-from validate.pages.shades import VIRIDIS
 from validate.pages.space import scene_columns
 from validate.pages.steps import sight_of, steps_of_plan
-from validate.pages.style import PURPLE_ORANGE, model_style, object_styles
+from validate.pages.style import model_style, object_styles
 from validate.prediction.frusta import frustum
 from validate.results.remade import remade
 from validate.results.report import of_results
+from validate.runs.palette import PURPLE_ORANGE, VIRIDIS
 from validate.sweeps.rows import write_csv
 
 # Numbers of a figure have four.

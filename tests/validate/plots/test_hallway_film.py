@@ -17,7 +17,7 @@ from render.store.folder import StoreError
 from render.world.state import Room
 from validate.plots.film import FILM_ENDINGS, write_film
 from validate.plots.film_frame import PICTURE_PX, FilmFrame, draw_frame
-from validate.plots.sweep import MODEL_COLOURS
+from validate.runs.palette import CATEGORIES
 
 ROOM = Room(6.0, 10.0, 3.0, 0.6, 0.3, 0.75)
 WIDTH, HEIGHT = 640, 480
@@ -135,11 +135,11 @@ def test_light_is_averaged_before_it_is_brightened(plain):
 
 def test_a_view_is_framed_in_the_colour_of_whom_its_camera_follows():
     white = np.full((HEIGHT, WIDTH), 255, dtype=np.uint8)
-    for name, colour in zip(("H1", "H2"), MODEL_COLOURS, strict=False):
+    for name, colour in zip(("H1", "H2"), CATEGORIES, strict=False):
         one = drawn(assignments=(name,) * 4, **with_image(2, white))
         row = one[one.shape[0] // 4, :40].astype(float) / 255  # across the left frame of the upper left view
         assert np.abs(row - to_rgb(colour)).max(axis=1).min() < 0.02
-        other = MODEL_COLOURS[1 - MODEL_COLOURS.index(colour)]
+        other = CATEGORIES[1 - CATEGORIES.index(colour)]
         assert np.abs(row - to_rgb(other)).max(axis=1).min() > 0.2
 
 
@@ -155,7 +155,7 @@ def test_the_plan_has_one_scale_and_y_upwards(plan):
 
 
 def test_avatars_are_where_they_are_and_point_where_they_head(plan):
-    colours = {name: np.array(to_rgb(colour)) * 255 for name, colour in zip(("H1", "H2"), MODEL_COLOURS, strict=False)}
+    colours = {name: np.array(to_rgb(colour)) * 255 for name, colour in zip(("H1", "H2"), CATEGORIES, strict=False)}
     picture = drawn(
         avatars={"H1": np.array([-1.5, -3.0, 0.9]), "H2": np.array([1.2, 2.0, 0.9])},
         headings_deg={"H1": 90.0, "H2": 0.0},
@@ -183,7 +183,7 @@ def test_what_was_walked_is_a_line(plan, plain):
     assert rows.min() >= end[1]
     middle = np.rint(plan(-0.6, -2.75)).astype(int)
     line = walked[middle[1], middle[0] - 3 : middle[0] + 4].astype(float)
-    assert np.abs(line - 255 * np.array(to_rgb(MODEL_COLOURS[0]))).max(axis=1).min() < 60
+    assert np.abs(line - 255 * np.array(to_rgb(CATEGORIES[0]))).max(axis=1).min() < 60
 
 
 def test_a_wedge_has_the_colour_of_whom_the_camera_follows(plan):
