@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import scipy.stats
 
+import render.captures
 import validate.markers.view_measurement
 from pss import ImageSensor, PTZCamera
 from render.files.exr import write_view
@@ -177,7 +178,7 @@ def test_without_a_pattern_all_pixels_are_alike():
 
 
 def test_a_measurement_has_one_pattern_for_all_trials(tmp_path, monkeypatch):
-    """`validate.markers.view_measurement` asks for the pattern once a view, and every trial's capture has it."""
+    """`render.captures` computes the pattern once a view, and every trial's capture has it."""
     state = SceneState(Room(6, 6, 3, 0.5, 0.5, 0.5), Light(0.2, ()), (), (), MarkerPrint("DICT_4X4_50", 1, 0.8, 0.1))
     request = ViewRequest(state, CAMERA, SENSOR, Sampling(), "none")
     flat = np.full((HEIGHT, WIDTH), 0.05, dtype=np.float32)
@@ -196,9 +197,7 @@ def test_a_measurement_has_one_pattern_for_all_trials(tmp_path, monkeypatch):
     path.parent.mkdir(parents=True)
     write_view(path, view, request)
     asked, seen = [], []
-    monkeypatch.setattr(
-        validate.markers.view_measurement, "fixed_pattern", lambda *a: asked.append(a) or fixed_pattern(*a)
-    )
+    monkeypatch.setattr(render.captures, "fixed_pattern", lambda *a: asked.append(a) or fixed_pattern(*a))
     real = validate.markers.view_measurement.measure_capture
     monkeypatch.setattr(
         validate.markers.view_measurement, "measure_capture", lambda dn, *a: seen.append(dn) or real(dn, *a)
