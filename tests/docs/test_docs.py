@@ -35,7 +35,7 @@ from validate.sweeps import correlation
 # Pages whose Python needs what another test gives it.
 RUN_ELSEWHERE = {
     "README.md": "tests/docs/test_readme.py::test_the_example_has_at_most_twelve_lines",
-    "docs/scenes.md": "tests/render/test_exr.py::test_the_documented_way_to_read_a_view_runs",
+    "docs/scenes.md": "tests/render/files/test_exr.py::test_the_documented_way_to_read_a_view_runs",
     "docs/own-detector.md": (
         "tests/docs/test_own_detector.py::test_the_documented_detector_finds_and_triangulates_drawn_markers"
     ),
@@ -62,7 +62,7 @@ SLOW = {
     ".venv/bin/python validate/run_sweep.py docs/examples/lab-zoom.toml": "the same",
     ".venv/bin/python -m pip install --no-deps": "builds a package; an acceptance test installs it",
     ".venv/bin/python -m validate.findings": "tests/validate/findings/ compares its output with the page",
-    ".venv/bin/oiiotool": "needs a run's views; tests/render/test_exr.py reads the same layers",
+    ".venv/bin/oiiotool": "needs a run's views; tests/render/files/test_exr.py reads the same layers",
     "pip install": "fetches packages",
     "python validate/run_sweep.py zoom focus selection --workers": "eight minutes; test_scale.py runs less",
     "python validate/run_sweep.py bank --cluster": "needs a cluster; tests/validate/acquire/test_scale.py starts one",

@@ -30,7 +30,7 @@ SENSOR = ImageSensor(
     bits=12,
     black_level_dn=64,
 )
-# v = 5 mm, f = 1/200.5 m, a = 1/401 m (tests/pss/test_camera.py has this lens by hand).
+# v = 5 mm, f = 1/200.5 m, a = 1/401 m (tests/pss/cameras/test_camera.py has this lens by hand).
 CAMERA = PTZCamera((0, 0, 0), 0, 0, resolution=(1000, 800), pixel_pitch_m=1e-5, focus_distance_m=2, f_number=2)
 
 

@@ -20,7 +20,7 @@ from scenes.people.body import PARTS, part
 from scenes.people.gait import joints, phase_at, stride_of_speed
 from scenes.schema.avatar import SuitSpec
 
-HALLWAY = Path(__file__).parents[2] / "scenes" / "hallway.toml"
+HALLWAY = Path(__file__).parents[3] / "scenes" / "hallway.toml"
 HEIGHT_M = 1.75
 STRIDE_M = stride_of_speed(1.2, HEIGHT_M)
 MODULES_MM = {key: getattr(SuitSpec(first_id=0), key) for key in SUIT_KEYS}

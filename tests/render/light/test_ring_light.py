@@ -72,7 +72,7 @@ def test_light_falls_with_the_cosine_of_incidence(mi, wall, turn_deg):
 
 def test_prediction_and_render_have_the_same_light(mi):
     """The radiance that the noise factor reckons with, from `glow.appearance`, is that of the rendered plate."""
-    room = scenes.load(Path(__file__).parents[2] / "scenes" / "room.toml")
+    room = scenes.load(Path(__file__).parents[3] / "scenes" / "room.toml")
     state = dataclasses.replace(room.state, light=Light(0.0, (), INTENSITY))
     meshes = lit_scene.bake(state, solve_light(state))
     renderer = Renderer(state, meshes, backend.choose())

@@ -17,7 +17,7 @@ from pss.noise import (
 # Relative; a few roundings.
 SAME_TO_ROUNDING = 1e-12
 
-# f_px = 500, v = 5 mm, f = 1/200.5 m, a = 1/401 m, focus at 2 m (tests/pss/test_camera.py has the same lens by hand).
+# f_px = 500, v = 5 mm, f = 1/200.5 m, a = 1/401 m, focus at 2 m (by hand in tests/pss/cameras/test_camera.py).
 CAMERA = PTZCamera((0, 0, 0), 0, 0, resolution=(1000, 800), pixel_pitch_m=1e-5, focus_distance_m=2, f_number=2)
 # A 3-4-5 triangle: D = 5 m, depth 4 m, cos θ = 0.8; the second normal is turned to cos α = 1, the first has 0.8.
 POINTS = np.array([[3.0, 4.0, 0.0], [3.0, 4.0, 0.0]])

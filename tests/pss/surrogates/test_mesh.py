@@ -255,7 +255,7 @@ def test_mistakes_in_a_pose_or_scale_are_named(tmp_path):
 
 def test_the_metric_starts_without_the_library_that_reads_meshes():
     """Asked in a process of its own, where nothing is loaded yet."""
-    root = Path(__file__).resolve().parents[2]
+    root = Path(__file__).resolve().parents[3]
     script = "import pss.surrogates, sys; print('trimesh' in sys.modules)"
     done = subprocess.run(
         [sys.executable, "-c", script],

@@ -132,7 +132,7 @@ def test_the_units_of_all_channels_are_stated(path):
 
 def test_the_documented_way_to_read_a_view_runs(request_and_view, tmp_path, monkeypatch, capsys):
     """The Python of docs/scenes.md, beside a run's folder of views."""
-    text = (Path(__file__).parents[2] / "docs" / "scenes.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[3] / "docs" / "scenes.md").read_text(encoding="utf-8")
     (block,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     monkeypatch.chdir(tmp_path)
     folder = Path("results/zoom/views")

@@ -16,7 +16,7 @@ from render.renderer import certify
 from render.sensor import capture, surely_saturated
 from scenes import SceneError
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 SIZE = 32
 SENSOR = ImageSensor()
 # Of the dark stripe between two bright ones.

@@ -151,7 +151,7 @@ def test_what_is_wrong_is_one_line(call, message):
 
 def test_a_scene_says_what_counts_as_seen():
     """`metric.visibility` of a scene file; the paper's by default."""
-    room = Path(__file__).parents[2] / "scenes" / "room.toml"
+    room = Path(__file__).parents[3] / "scenes" / "room.toml"
     assert scenes.load(room).visibility == VISIBILITY_TESTS
     assert scenes.load(room, ("metric.visibility=target",)).visibility == TARGET_VISIBILITY
     with pytest.raises(SceneError, match=r"metric.visibility.*allowed: point, target, calibrated, or a calibration"):

@@ -13,7 +13,7 @@ from pss.surrogates import any_blocks
 from render.light.radiosity import solve_light
 from render.world.traced_meshes import TracedMeshes, joined_meshes, with_traced_meshes
 
-HALLWAY = Path(__file__).parents[2] / "scenes" / "hallway.toml"
+HALLWAY = Path(__file__).parents[3] / "scenes" / "hallway.toml"
 SEGMENTS = 20_000
 # Single precision may decide otherwise for a line of sight that grazes an edge within a micrometre: none of 200,000 do.
 MOST_OTHERWISE = 2

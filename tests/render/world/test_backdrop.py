@@ -15,7 +15,7 @@ from render.keys import state_key
 from render.world.backdrop import read_backdrop
 from scenes import SceneError
 
-WORKSHOP = Path(__file__).parents[2] / "scenes" / "workshop.toml"
+WORKSHOP = Path(__file__).parents[3] / "scenes" / "workshop.toml"
 # Mitsuba keeps single precision, of places within some ten metres.
 SINGLE_M = 1e-5
 # An icosphere of 1280 faces lies within this part of the radius under the ball.
@@ -201,7 +201,7 @@ def test_a_file_that_cannot_be_read_is_one_clear_error(text, error, message, tmp
 
 def in_scene(folder: Path, backdrop: str, keys: str = ""):
     (folder / "room.xml").write_text(backdrop)
-    text = (Path(__file__).parents[2] / "scenes" / "room.toml").read_text()
+    text = (Path(__file__).parents[3] / "scenes" / "room.toml").read_text()
     path = folder / "scene.toml"
     path.write_text(f'{text}\n[backdrop]\nfile = "room.xml"\n{keys}\n')
     return scenes.load(path)
