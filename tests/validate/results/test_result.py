@@ -18,6 +18,7 @@ from render.store.folder import StoreError
 from tests.helpers import drawn_sweep
 from tests.helpers.closet import SCENE, SELECTION, SWEEP
 from validate.plots import sweep as figures
+from validate.plots.contact_sheet import captures_figure
 from validate.run_sweep import main
 from validate.runs.events import EVENTS
 from validate.runs.tables import columns_of
@@ -178,3 +179,12 @@ def test_a_store_that_is_a_file_is_refused(tmp_path):
     with pytest.raises(StoreError, match="is a file; allowed is a folder"):
         validate.sweep("zoom", store=tmp_path / "store")
     assert Path(tmp_path / "store").read_text() == ""
+
+
+def test_captures_keep_their_colours_in_a_figure(monkeypatch):
+    """OpenCV's first channel is blue, Matplotlib's is red."""
+    sheet = np.zeros((4, 5, 3), dtype=np.uint8)
+    sheet[..., 0] = 255
+    monkeypatch.setattr("validate.plots.contact_sheet.captures", lambda result, store: sheet)
+    (shown,) = captures_figure(None, None).axes[0].images
+    assert shown.get_array()[0, 0].tolist() == [0, 0, 255]
