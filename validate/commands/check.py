@@ -52,7 +52,7 @@ def execute(options: Check) -> int:
         _show(seen, Console(width=None if os.isatty(1) else 140))
     for line in warnings_of(seen):
         errors.print(line, markup=False, style="yellow", highlight=False, soft_wrap=True)
-    # Imported late: slow, and not wanted for a file with mistakes.
+    # Imported late: slow, and not needed for a file with mistakes.
     from validate.plots.plan import write_plan
 
     write_plan(drawing, seen)

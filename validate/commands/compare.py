@@ -29,7 +29,7 @@ ALLOWED = "; allowed: runs with the same sweeps and values, or cameras"
 TITLE = "What differs in the runs' settings"
 # Settings that differ beyond this number are counted by the table they are in, where it has several.
 MOST_SETTINGS, SEVERAL = 12, 3
-# Other keys that all rows of a printed table share say nothing.
+# Other keys that all rows of a printed table share are redundant.
 ALWAYS_SHOWN = ("value", "noise_model")
 
 

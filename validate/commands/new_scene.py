@@ -47,7 +47,7 @@ def write_new_scene(name: str, folder: Path) -> tuple[Path, Path]:
 def _text(kind: str, name: str, model: type[Spec]) -> str:
     body = (TEMPLATES / f"{kind}.toml").read_text(encoding="utf-8").replace(PLACEHOLDER, name)
     body = named_as_called(body)
-    return f"{body}\n{RULE}\n# All that a {kind} file may say, key by key\n{RULE}\n#\n{described_keys(model)}\n"
+    return f"{body}\n{RULE}\n# All keys of a {kind} file\n{RULE}\n#\n{described_keys(model)}\n"
 
 
 def execute(options: NewScene) -> int:

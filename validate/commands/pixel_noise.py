@@ -64,7 +64,7 @@ def _make(options: PixelNoise, console: Console, errors: Console) -> None:
     write_csv(out / "exponents.csv", exponents)
     draw(out / "figures" / "pixel-noise.png", levels, exponents)
     seconds = time.perf_counter() - begin
-    said = {
+    record = {
         "seed": seed,
         "trials": plan.trials,
         "quick": options.quick,
@@ -73,7 +73,7 @@ def _make(options: PixelNoise, console: Console, errors: Console) -> None:
         "power_law": _law(law),
         "seconds": seconds,
     }
-    write_run(out, said)
+    write_run(out, record)
     console.print(exponent_table(exponents))
     console.print(_law(law), markup=False, soft_wrap=True)
     console.print(

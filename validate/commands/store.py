@@ -1,4 +1,4 @@
-"""`run_sweep.py store`: list what is stored, check it, and take out what is not wanted any more."""
+"""`run_sweep.py store`: list what is stored, check it, and remove what is no longer needed."""
 
 from __future__ import annotations
 

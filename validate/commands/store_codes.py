@@ -22,10 +22,10 @@ class Codes:
     measurements: frozenset[str]
 
     def can_use(self, kind: str, name: str, version: str) -> bool:
-        """Whether a run of this code may ask for a file.
+        """Whether a run of this code may request a file.
 
         Args:
-            kind: the folder in the store that it lies in.
+            kind: the folder of the store that holds it.
             name: of the file.
             version: of what made it, by its sum; "" where that is not known.
         """

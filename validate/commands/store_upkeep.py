@@ -28,7 +28,7 @@ __all__ = [
 
 # s: what is younger may be somebody's who has just written it, and is about to read it.
 UNTOUCHED_S = 3600.0
-# s: a temporary file that is older is nobody's any more.
+# s: an older temporary file is abandoned.
 ABANDONED_S = 24 * 3600.0
 SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0, "w": 7 * 86400.0}
 BYTES = {"B": 1, "kB": 10**3, "MB": 10**6, "GB": 10**9, "TB": 10**12}
@@ -39,11 +39,11 @@ class Stored:
     """A file of the store.
 
     Attributes:
-        kind: the folder in the store that it lies in: views, light, measurements, pixel-noise or damaged.
+        kind: the folder of the store that holds it: views, light, measurements, pixel-noise or damaged.
         size_bytes: of the file, with its sum.
         changed_s: s since 1970 of its last change.
         version: digest of the code that made it, by its sum; "" where that is not known.
-        stale: whether other code made it than this installation's, so that no run of this code asks for it.
+        stale: whether other code made it than this installation's, so that no run of this code requests it.
     """
 
     path: Path
@@ -86,7 +86,7 @@ def check(store: Store, stored: Stored) -> bool:
 
 
 def leftovers(folder: Path, now_s: float) -> list[Path]:
-    """Temporary files that nobody writes any more, and sums without a file, that are older than a day."""
+    """Abandoned temporary files, and sums without a file, that are older than a day."""
     found = []
     for path in folder.glob("*/**/*"):
         if path.relative_to(folder).parts[0] == DAMAGED or not path.is_file():
@@ -125,7 +125,7 @@ def prune_list(
     least_s = max(UNTOUCHED_S, older_than_s or 0.0)
     chosen = [stored for stored in files if now_s - stored.changed_s > least_s and (stored.stale or not stale)]
     if used is not None:
-        # A measurement's name begins with its view's; what is damaged is used by nobody.
+        # A measurement's name begins with its view's; what is damaged is not used.
         chosen = [
             stored
             for stored in chosen

@@ -157,14 +157,14 @@ def _choice(key: str, rows: Sequence[ReadOnlyRow]) -> Choice:
 
 
 def _follows(key: str, before: Sequence[str], rows: Sequence[ReadOnlyRow]) -> bool:
-    """Whether another column's value says this one's, as a sweep has its number of cameras."""
+    """Whether another column's value determines this one's, as a sweep does its number of cameras."""
     return any(
         len({(row[other], row[key]) for row in rows}) == len({row[other] for row in rows}) > 1 for other in before
     )
 
 
 def _fits(row: ReadOnlyRow, name: str, value: str) -> bool:
-    """What knows no noise model is beside each."""
+    """A metric without a noise model is beside each."""
     own = str(row[name.removeprefix("by_")])
     return own == value or (name == "by_noise_model" and not own)
 

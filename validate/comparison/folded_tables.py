@@ -35,7 +35,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Folded:
-    """A table: title, head and cells as text; `keys` columns at the left say what a row is of."""
+    """A table: title, head and cells as text; `keys` columns at the left identify a row."""
 
     title: str
     keys: int

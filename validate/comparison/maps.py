@@ -94,7 +94,7 @@ def map_figure(sweep: str, sides: Sequence[Side], names: Sequence[str]) -> Figur
         "Where errors grew, and where they shrank",
         f"The room from above. Each sign is a marker: its measured RMS error over that of {names[0]}, of “every step” "
         "the median ratio. Triangles that point up have grown by more than a tenth, those that point down have shrunk; "
-        "circles have done neither. Beside it, how many markers have which ratio: one hump says that a change acts on "
+        "circles have done neither. Beside it, how many markers have which ratio: one hump shows that a change acts on "
         "all alike, two that it depends on where a marker is. Markers that either side did not triangulate are left "
         "out. Few trials make single markers scatter: look for regions, not for signs.",
         "Plan view of the markers, by the ratio of their measured errors, beside the distribution of these ratios.",

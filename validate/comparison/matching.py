@@ -109,7 +109,7 @@ def matched_rows(
 
     Args:
         tables: rows by the side's label, the first of which the others are compared with.
-        chosen: columns that tell the sides apart and are no keys.
+        chosen: columns that distinguish the sides and are no keys.
 
     Returns:
         The keys, `quantity`, then for each side LABEL, LABEL_ci_low, LABEL_ci_high and for each but the first

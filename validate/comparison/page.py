@@ -1,4 +1,4 @@
-"""The page that `run_sweep.py compare` leaves: verdict, figures and tables of two or more runs, as one HTML file."""
+"""The page of `run_sweep.py compare`: verdict, figures and tables of two or more runs, as one HTML file."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from validate.pages.html import rendered
 __all__ = ["PAGE", "html_of", "names_of", "write_page"]
 
 PAGE = Path("results") / "compare" / "compare.html"
-# Characters of a name in figures and heads of tables; longer ones are said whole once, at the top.
+# Characters of a name in figures and heads of tables; longer ones are written in full once, at the top.
 LONGEST_NAME, KEPT_OF_LONG = 22, 9
 # Findings in a card, and settings in the table at the top; the rest is in the tables below.
 MOST_FINDINGS, MOST_SETTINGS = 6, 8
@@ -98,9 +98,9 @@ def html_of(sides: Sequence[Side]) -> str:
 
 
 RANKING_LEAD = (
-    "Spearman’s ρ says how far a prediction puts configurations in the order in which they were measured: 1 is the "
+    "Spearman’s ρ measures how far a prediction puts configurations in the order in which they were measured: 1 is the "
     "same order, 0 none. Left, each side’s own with its 95 % interval; right, the difference to the first side. Where "
-    "a bar crosses the line at 0, the two cannot be told apart."
+    "a bar crosses the line at 0, the two are not distinguishable."
 )
 
 
@@ -143,7 +143,7 @@ def _cards(groups: Sequence[Group], sides: Sequence[Side], names: Sequence[str])
         one = "All sides are rows of one run, which measured one thing: only what was predicted can differ."
         measured = moved = [Finding("", "open", one)]
     else:
-        none = Finding("", "open", "The sides have no steps alike of which their tables say what was measured.")
+        none = Finding("", "open", "The sides have no common steps with measurements in their tables.")
         measured = measured_findings(groups, sides, names) or [none]
         moved = moved_findings(groups, sides, names) or [none]
     ranked = ranked_findings(sides, names) or [Finding("", "open", "The sides have no correlations alike.")]
@@ -200,13 +200,13 @@ def _rankings(sides: Sequence[Side], names: Sequence[str]) -> list[Figure | None
 
 
 CAPTIONS = {
-    "correlation": "Intervals are from resampled trials and points of each run. A few steps tell metrics apart badly: "
+    "correlation": "Intervals are from resampled trials and points of each run. A few steps hardly separate metrics: "
     "read the bars, not the dots.",
     "leaderboard": "Sorted by the first side. A metric that is at the top of both sides is good under both conditions; "
-    "one whose difference leaves the line at 0 depends on what was changed. Metrics that know no noise model stand "
+    "one whose difference is clear of the line at 0 depends on what was changed. Metrics without a noise model stand "
     "beside each; not every metric was taken with every noise model.",
     "agreement": "Over the moments of the walk, predicted against measured PSS by strategy: where the bars on the "
-    "right lie clear of 0, the prediction follows one run better than the other.",
+    "right are clear of 0, the prediction follows one run better than the other.",
 }
 
 

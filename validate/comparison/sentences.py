@@ -1,6 +1,6 @@
-"""What a comparison says in words: whether precision differs, whether that was foreseen, which prediction ranks better.
+"""A comparison in words: whether precision differs, whether that was foreseen, which prediction ranks better.
 
-A finding goes no further than its interval: where it includes equality, two sides "cannot be told apart".
+A finding goes no further than its interval: where it includes equality, two sides "are not distinguishable".
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ RANKED = ("correlation", "leaderboard", "agreement")
 
 @dataclass(frozen=True)
 class Finding:
-    """What can be said of one side against the first.
+    """A statement about one side against the first.
 
     Attributes:
         about: sweep, cameras or strategy, and the other side's name.
-        state: "yes", "partly", "no", or "open" where nothing can be said; what it answers is its card's question.
+        state: "yes", "partly", "no", or "open" where it is undecided; it answers its card's question.
         words: sentences.
     """
 
@@ -98,7 +98,7 @@ def _measured(group: Group, series: Series, number: int, name: str, names: Seque
     sentence = f"Measured {series.pair.words} of {name} is {value_text(mean)} times that of {names[0]}"
     known = int(np.isfinite(ratios[:, 0]).sum())
     if math.isnan(mean[1]):
-        words = f"{sentence} in the mean of {_steps(known)}, without an interval: whether they differ cannot be said."
+        words = f"{sentence} in the mean of {_steps(known)}, without an interval: whether they differ is undecided."
         return Finding(about, "open", words)
     above, below = int((ratios[:, 1] > 1).sum()), int((ratios[:, 2] < 1).sum())
     sides = f" ({above} above, {below} below)" if above and below else ""
@@ -109,7 +109,7 @@ def _measured(group: Group, series: Series, number: int, name: str, names: Seque
         rms_words = f" The RMS error is {value_text(pooled(rms.measured_ratio[number]))} times as large."
     if mean[1] <= 1 <= mean[2]:
         start = (
-            f"In the mean of the steps, {name} and {names[0]} cannot be told apart: measured {series.pair.words} is "
+            f"In the mean of the steps, {name} and {names[0]} are not distinguishable: measured {series.pair.words} is "
         )
         words = f"{start}{value_text(mean)} times as large; {count}.{rms_words}"
         return Finding(about, "partly" if above + below else "no", words)
@@ -143,7 +143,7 @@ def moved_findings(groups: Sequence[Group], sides: Sequence[Side], names: Sequen
 def moved_finding(about: str, predicted: Floats, measured: Floats) -> Finding:
     """One side's predicted ratios (S,) to the first side against its measured ones (S, 3).
 
-    "yes" where the mean predicted ratio lies in the interval of the measured one, "partly" where only its direction
+    "yes" where the mean predicted ratio is within the interval of the measured one, "partly" where only its direction
     is right, "no" where that is wrong or a change was foreseen that was not measured.
     """
     known = np.isfinite(predicted) & (predicted > 0) & np.isfinite(measured[:, 0]) & (measured[:, 0] > 0)
@@ -153,11 +153,11 @@ def moved_finding(about: str, predicted: Floats, measured: Floats) -> Finding:
     foreseen, mean = float(np.exp(np.log(p).mean())), pooled(m)
     sentence = f"predicted ×{foreseen:.3g}, measured ×{value_text(mean)}"
     if math.isnan(mean[1]):
-        return Finding(about, "open", f"{_capital(sentence)}, without an interval: whether they agree cannot be said.")
+        return Finding(about, "open", f"{_capital(sentence)}, without an interval: whether they agree is undecided.")
     inside = int(((m[:, 1] <= p) & (p <= m[:, 2])).sum())
     apart = (m[:, 1] > 1) | (m[:, 2] < 1)
     right = int((apart & (np.abs(np.log(p)) >= UNMOVED) & (np.sign(np.log(p)) == np.sign(np.log(m[:, 0])))).sum())
-    details = f" At {inside} of {_steps(len(p))} the predicted ratio lies in the measured one’s interval"
+    details = f" At {inside} of {_steps(len(p))} the predicted ratio is within the measured one’s interval"
     if apart.any():
         details += (
             f"; of the {int(apart.sum())} where a change was measured beyond its interval, {right} moved that way"
@@ -268,10 +268,10 @@ def _ranked(
         return Finding(about, "open", f"ρ of {names[1]} or of {names[0]} is undefined.{losses}")
     if math.isnan(difference[1]):
         return Finding(
-            about, "open", f"{_capital(sentence)} without an interval: which ranks better cannot be said.{losses}"
+            about, "open", f"{_capital(sentence)} without an interval: which ranks better is undecided.{losses}"
         )
     if difference[1] <= 0 <= difference[2]:
-        return Finding(about, "no", f"They cannot be told apart: {sentence}.{losses}")
+        return Finding(about, "no", f"They are not distinguishable: {sentence}.{losses}")
     better, worse = (names[1], names[0]) if difference[0] > 0 else (names[0], names[1])
     return Finding(about, "yes", f"The prediction of {better} ranks better than that of {worse}: {sentence}.{losses}")
 
@@ -282,10 +282,10 @@ def _signed(values: tuple[float, float, float]) -> str:
 
 
 def headline(findings: Sequence[Finding], none_shown: str) -> str:
-    """The findings in a word or two; `none_shown` is said where something could be judged and all answers are "no"."""
+    """The findings in a word or two; `none_shown` if some are decided and all are "no"."""
     judged = [finding for finding in findings if finding.state != "open"]
     if not judged:
-        return "Cannot be said"
+        return "Not decided"
     counts = {state: sum(finding.state == state for finding in judged) for state in ("yes", "partly", "no")}
     if len(judged) in counts.values():
         only = next(state for state, count in counts.items() if count == len(judged))

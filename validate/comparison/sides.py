@@ -18,7 +18,7 @@ from validate.runs.run_file import read_run
 __all__ = ["Side", "settings_rows", "sides_of"]
 
 
-# What may differ between two runs of one thing, or says no more than the rest.
+# What may differ between two runs of the same thing, or is redundant.
 NOT_SETTINGS = (
     "options",
     "seconds",
@@ -29,7 +29,7 @@ NOT_SETTINGS = (
     "report_made_from",
     "seeds",
 )
-# By these a run of several sweeps says what it ran, each under the sweep's name.
+# Tables of a run of several sweeps, each under the sweep's name.
 BY_SWEEP = {"scenes": "scene", "sweeps": "sweep"}
 
 
@@ -58,7 +58,7 @@ class Side:
         return [row for row in rows if all(row[column] == value for column, value in self.chosen.items())]
 
     def settings(self) -> dict[str, str] | None:
-        """What the run's `run.json` says, by dotted key; None without one."""
+        """The values of the run's `run.json`, by dotted key; None without one."""
         run = read_run(self.folder)
         if run is None:
             return None
@@ -109,7 +109,7 @@ def _values(path: Path, column: str) -> set[str]:
 
 
 def _labels(parsed: Sequence[tuple[Path, dict[str, str]]]) -> list[str]:
-    """As short as tells them apart: what was chosen, the folder's name, both, or the whole path."""
+    """The shortest distinct labels: what was chosen, the folder's name, both, or the whole path."""
     makers = [
         lambda folder, chosen: " ".join(chosen.values()),
         lambda folder, chosen: folder.resolve().name,

@@ -77,7 +77,7 @@ def _found(reference: Path) -> str:
 
 
 def _claims(reference: Path) -> str:
-    """What the paper says of its Figures 1 to 3, predicted and measured."""
+    """The paper's claims about its Figures 1 to 3, predicted and measured."""
     rows = read_tables(reference)["claims"]
     sides = [("predicted", model) for model in MODELS] + [("measured", "")]
     lines = []

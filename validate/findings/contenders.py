@@ -26,7 +26,7 @@ class Contender:
     Attributes:
         name: in the tables' column `noise_model`.
         colour: of its family, colour-blind safe (Okabe and Ito).
-        sign: Matplotlib's marker, which tells the members of a family apart.
+        sign: Matplotlib's marker, different within a family.
         filled: the marker.
     """
 

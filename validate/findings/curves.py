@@ -93,7 +93,7 @@ def draw_curves(axes: Axes, curves: Sequence[Curve], scale: float, shaded: Colle
 
 
 def label_below(panels: Sequence[tuple[str, Axes]], label: str) -> None:
-    """Name the x axis below the lowest panel of each column, which leaves room for a legend."""
+    """Name the x axis below the lowest panel of each column, with room for a legend."""
     for _, axes in panels[-columns_for(len(panels)) :]:
         axes.set_xlabel(label)
 

@@ -190,7 +190,7 @@ def _factors(row: CsvRow) -> str:
 
 
 def _place(row: CsvRow) -> str:
-    """What tells two rows of one claim apart: the zoom limit, and not where the figure was found."""
+    """What distinguishes two rows of one claim: the zoom limit, not the place of the figure."""
     return (
         row["where"] if row["where"].startswith(("zoom limit", "x")) else row["statistic"] if not row["where"] else ""
     )

@@ -143,7 +143,7 @@ def count_table(places: Sequence[Place]) -> str:
 
 
 def ceiling_table(places: Sequence[Place]) -> str:
-    """ρ of what knows the pixel errors of one half of the trials, and of one half against the other."""
+    """ρ of the oracle, from the pixel errors of one half of the trials, and of one half against the other."""
     names = list(dict.fromkeys(row["ceiling"] for place in places for row in place.rows("ceiling")))
     rows = []
     for name in names:

@@ -434,7 +434,7 @@ def _plain(row: CsvRow) -> float:
 
 
 def with_ends(row: CsvRow) -> str:
-    """ρ by the prediction that knows of no error, with its interval."""
+    """ρ by the prediction without an error of calibration, with its interval."""
     return with_range(*(row[f"spearman_plain{end}"] for end in ("", "_low", "_high")))
 
 

@@ -97,8 +97,8 @@ def budget_figure(table: SweepTable) -> Figure:
         "“Visibility”: points and views that should see them, and did not find them in every trial. “Noise model”: the "
         "predicted R against the covariance that each detection gets from its own image. “Detector”: that covariance "
         "against how far detections really are off, with the bias that every trial repeats. “Geometry”: what "
-        "triangulation makes of them against what H says. With the paper’s R the second factor has no meaning, since "
-        "that R mixes units.",
+        "triangulation makes of them against the prediction by H. With the paper’s R the second factor has no meaning, "
+        "since that R mixes units.",
         "Five factors on a logarithmic axis: visibility, noise model, detector, geometry, and their product.",
         traces,
         layout(
@@ -161,7 +161,7 @@ def visibility_figure(table: SweepTable) -> Figure:
         "What the cameras should see, and find",
         "Markers whose centre each camera should see at the slider’s step: found in half of the trials or more, or "
         f"missed. Over all views of the sweep {seen} were found and {missed} missed. Missed markers are the part of "
-        "the departure that no noise model explains: the metric asks whether a centre is in view, the detector needs "
+        "the departure that no noise model explains: the metric requires a centre in view, the detector needs "
         "the whole marker, large and sharp enough.",
         "Bars of markers found and missed for each camera at the slider’s step.",
         traces,

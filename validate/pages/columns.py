@@ -1,4 +1,4 @@
-"""Columns of numbers of a run's tables, which a stranger may have changed: what is missing or is no number is named."""
+"""Columns of numbers of a run's tables, which may have been edited: missing or non-numeric values are named."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def whole_number(row: CsvRow, column: str) -> int:
 
 
 class Columns(dict[str, Floats]):
-    """Columns of numbers by name; of one that is asked for and is none, the row that is wrong is named."""
+    """Columns of numbers by name; for one that is not numeric, the wrong row is named."""
 
     def __init__(self, rows: Sequence[CsvRow], shape: tuple[int, ...]) -> None:
         super().__init__()
@@ -58,7 +58,7 @@ class Columns(dict[str, Floats]):
         Raises:
             StoreError: always.
         """
-        raise StoreError(next((said for row in self._rows if (said := _misfit(row, key))), f"{key} is no column"))
+        raise StoreError(next((message for row in self._rows if (message := _misfit(row, key))), f"{key} is no column"))
 
 
 def _misfit(row: CsvRow, column: str) -> str:

@@ -28,7 +28,7 @@ __all__ = ["glb_of", "linear", "model_of", "write_models"]
 
 # glTF's y is up; ours is z.
 UP = trimesh.transformations.rotation_matrix(-np.pi / 2, (1, 0, 0))
-# Plates stand this far before what they are glued to, so that viewers can tell them apart.
+# Plates stand this far before what they are glued to, so that viewers can separate them.
 LIFT_M = 0.004
 FLOOR, OBJECTS = (230, 226, 218), (205, 205, 205)
 # The key of a part's colour, (3,) sRGB bytes, in its metadata, which glTF calls `extras`.

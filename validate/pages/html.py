@@ -23,7 +23,7 @@ def rendered(package: str, name: str, data: Any, **words: Any) -> str:
 
     Args:
         data: what the script draws from, as JSON has it.
-        words: what the template says.
+        words: values for the template.
     """
     loader = jinja2.ChoiceLoader([jinja2.PackageLoader(package), jinja2.PackageLoader("validate.pages")])
     environment = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined)

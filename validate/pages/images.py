@@ -79,7 +79,7 @@ class Crop:
 
 @dataclass(frozen=True)
 class Pictures:
-    """Data URIs: `views` by view and layer, `crops` in the order in which they were asked for."""
+    """Data URIs: `views` by view and layer, `crops` in the order of the requests."""
 
     width_px: int
     views: Mapping[str, Mapping[str, str]]
@@ -187,7 +187,7 @@ def pictures_of(
         own = [_cut(view, crop) for crop in crops if crop.view_key == key]
         return {name: _layer(view, name, farthest, widest_px) for name in LAYERS}, own
 
-    # Unpacking the images is most of the work, and leaves Python alone.
+    # Unpacking the images is most of the work, and releases Python's lock.
     with ThreadPoolExecutor(2) as pool:
         every = dict(zip(keys, pool.map(seen, keys), strict=True))
     waiting = {key: iter(own) for key, (_, own) in every.items()}
@@ -229,7 +229,7 @@ def _grey(light: NDArray[np.float32]) -> Pixels:
 
 
 def _shaded(share: NDArray[np.floating]) -> Pixels:
-    """Shares from 0 (light) to 1 (dark) in colours that are told apart without colour vision."""
+    """Shares from 0 (light) to 1 (dark) in colours that remain distinct without colour vision."""
     level = 255 * (1 - np.clip(np.nan_to_num(share, nan=1.0, posinf=1.0), 0, 1))
     return np.asarray(cv2.applyColorMap(level.astype(np.uint8), cv2.COLORMAP_VIRIDIS), dtype=np.uint8)
 

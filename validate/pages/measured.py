@@ -1,4 +1,4 @@
-"""What a report says of a scene that is measured as it is: errors in mm, ratios to predictions, and each marker."""
+"""The report of a scene that is measured as it is: errors in mm, ratios to predictions, and each marker."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ ALL_STEPS = "all steps"
 CAPTIONS = {
     "points": (
         "Each sign is a marker. On the solid line the error is as large as predicted; the dashed one is the median "
-        "ratio. A scatter along a line shows that the metric knows which points are hard; a line away from the solid "
-        "one, that it is wrong by a factor. Points that are not observable, or were never triangulated, have no place "
-        "here: see the error budget."
+        "ratio. A scatter along a line shows that the metric predicts which points are hard; a line away from the "
+        "solid one, that it is wrong by a factor. Points that are not observable, or were never triangulated, have no "
+        "place here: see the error budget."
     ),
     "budget": (
         "Four factors multiply to measured over predicted single-frame PSS; 1: no departure. “Visibility”: points and "
@@ -43,7 +43,7 @@ CAPTIONS = {
     ),
     "visibility": (
         "Markers whose centre each camera should see: found in half of the trials or more, or missed. Missed markers "
-        "are the part of the departure that no noise model explains: the metric asks whether a centre is in view, the "
+        "are the part of the departure that no noise model explains: the metric requires a centre in view, the "
         "detector needs the whole marker, large and sharp enough."
     ),
 }

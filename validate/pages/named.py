@@ -1,7 +1,7 @@
-"""What a folder's run.json names, and what of it the user has asked for: the folder may be a stranger's.
+"""Files, stores and addresses that a folder's run.json names, and the user's permission to open them.
 
-Without a word of the user nothing is opened but what lies in the folder, what comes with the project, and the store in
-`results/store`, which all commands use; and nobody is contacted.
+The folder may come from elsewhere. Without permission nothing is opened but files in the folder, files of the project,
+and the store in `results/store`, which all commands use; no address is contacted.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ __all__ = ["DEFAULT_STORE", "Given"]
 
 DEFAULT_STORE = "results/store"
 SHIPPED = Path(scenes.__file__).parent
-UNASKED = "nothing outside the folder is opened without being asked for"
+UNASKED = "nothing outside the folder is opened without an option"
 
 
 @dataclass(frozen=True)
@@ -41,13 +41,13 @@ class Given:
         """The store to use, where run.json in `folder` names one.
 
         Raises:
-            StoreError: it may not be used without being asked for.
+            StoreError: it may not be used without an option.
         """
         if self.store is not None:
             return self.store
         if is_address(named):
             raise StoreError(
-                f"{folder}/run.json names the store {named}, and no address is contacted without being asked for; "
+                f"{folder}/run.json names the store {named}, and no address is contacted without an option; "
                 f"allowed: --store {named}, or the folder of a store that has the same views"
             )
         if named == DEFAULT_STORE or self.allow_outside or is_inside(named, [folder]):
@@ -65,7 +65,7 @@ class Given:
             named: the scene that the run was given, as run.json names it.
 
         Raises:
-            StoreError: it may not be opened without being asked for.
+            StoreError: it may not be opened without an option.
         """
         if self.scene is not None or named is None:
             return self.scene
@@ -81,7 +81,7 @@ class Given:
             named: a path, or the name of a file that comes with the project.
 
         Raises:
-            StoreError: it may not be opened without being asked for.
+            StoreError: it may not be opened without an option.
         """
         for file in self.files:
             if file.stem == Path(named).stem:

@@ -114,9 +114,9 @@ def points_figure(table: SweepTable) -> Figure:
         "points",
         "Point by point",
         "Each sign is a marker at the slider’s step, grey dots are those of all steps. On the solid line the error is "
-        "as large as predicted; the dashed line is the median ratio of all steps. A scatter along a line says that the "
-        "metric knows which points are hard; a line away from the solid one says that it is wrong by a factor. Points "
-        "that are not observable, or were never triangulated, have no place here: see the error budget.",
+        "as large as predicted; the dashed line is the median ratio of all steps. A scatter along a line shows that "
+        "the metric predicts which points are hard; a line away from the solid one shows that it is wrong by a factor. "
+        "Points that are not observable, or were never triangulated, have no place here: see the error budget.",
         "Scatter of predicted against measured σ of every marker, on logarithmic axes in millimetres.",
         traces,
         layout(

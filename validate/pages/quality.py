@@ -19,7 +19,7 @@ from validate.sweeps.correlation import SHARES_UNDER_MM
 __all__ = ["leaderboard_figure", "nees_figure"]
 
 
-# What lies between these percentiles of the points is drawn as a bar.
+# The range between these percentiles of the points is drawn as a bar.
 MIDDLE = (10, 90)
 # Rows of a leaderboard lie one apart; the noise models of one metric share this much of it.
 ROW_SHARE = 0.5
@@ -102,7 +102,8 @@ def leaderboard_figure(table: SweepTable) -> Figure:
         "Which metric ranks best",
         "Spearman’s ρ of each metric with what was measured, over the steps (or over all points of all steps); bars "
         "are 95 % intervals from resampled trials and points. 1 is the same order, 0 none. Metrics whose bars overlap "
-        "are not told apart by this sweep; the bank of views (docs/bank.md) has hundreds of configurations for that.",
+        "are not distinguishable in this sweep; the bank of views (docs/bank.md) has hundreds of configurations "
+        "for that.",
         "Dots with intervals: Spearman’s correlation of each metric and noise model with the chosen measure.",
         traces,
         layout(
@@ -178,8 +179,8 @@ def nees_figure(table: SweepTable) -> Figure:
     return Figure(
         "nees",
         "Is the covariance believable?",
-        "NEES/3 (the mean of eᵀC⁻¹e/3) is 1 where the covariance is right, above 1 where errors are larger than it "
-        "says, below where they are smaller. Signs are medians over the points, bars hold the middle 80 % of them. "
+        "NEES/3 (the mean of eᵀC⁻¹e/3) is 1 where the covariance is right, above 1 where errors are larger, "
+        "below where they are smaller. Signs are medians over the points, bars hold the middle 80 % of them. "
         "Squares take the covariance that the metric predicts; dots take what each detection claims for itself, and so "
         f"test geometry and triangulation without any model of R: over all steps their median is {_median(own)}.",
         "Median NEES over three at each step, for the chosen noise model and for the detections’ own covariances.",

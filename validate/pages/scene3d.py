@@ -20,7 +20,7 @@ __all__ = ["GROUPS", "IDLE", "Group", "fitted_camera", "scene_figure"]
 
 @dataclass(frozen=True)
 class Group:
-    """How cameras of a group are drawn: colour, plotly's symbol, and what the legend says."""
+    """How cameras of a group are drawn: colour, plotly's symbol, and the legend's text."""
 
     colour: str
     symbol: str
@@ -122,13 +122,13 @@ def scene_figure(
     return Figure(
         "scene",
         "The scene in space",
-        "Markers are coloured by what the prediction says, by what was measured, or by measured over predicted (a ring "
+        "Markers are coloured by the prediction, by the measurement, or by measured over predicted (a ring "
         "in place of a dot: measured below predicted); grey ones are not observable, or were not triangulated. "
         + plates
         + "Pyramids are fields of view up to the plane in focus or the walls, translucent sheets the planes in focus. "
         "Choose a marker (click it, or take it from the list) to see which cameras should see it, which found it, and "
-        "its predicted 95 % ellipsoid, enlarged as the text says. A long ellipsoid points along the direction that no "
-        "pair of cameras sees from the side.",
+        "its predicted 95 % ellipsoid, enlarged as stated in the text. A long ellipsoid points along the direction "
+        "that no pair of cameras sees from the side.",
         "The room in three dimensions with its objects, markers and cameras. The list of markers under the figure "
         "gives the numbers of each in words.",
         traces,

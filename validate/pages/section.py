@@ -51,7 +51,7 @@ class Section:
 
     Attributes:
         columns: of its steps.
-        crops: asked of its pictures.
+        crops: requested of its pictures.
         groups: of its cameras.
         all_cameras: whether the pictures of all cameras are shown at first.
     """
@@ -125,10 +125,10 @@ def page_of(
     """The whole page of a run.
 
     Args:
-        words: of each section, what the template says of it beside `words_of`.
+        words: of each section, values for the template beside those of `words_of`.
         pictures: of all sections, the crops one section after the other.
         about: what the run was made with, for the foot: words by name.
-        more: what else the template asks for.
+        more: further values for the template.
     """
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("validate.pages"), autoescape=True, undefined=jinja2.StrictUndefined
@@ -160,7 +160,7 @@ def page_of(
 
 
 def _words_of_sweep(section: Section) -> dict[str, Any]:
-    """What the template says of a sweep alone."""
+    """Values for the template's part on a sweep."""
     table = section.table
     alone = measured.is_measurement(table)
     return {
@@ -178,7 +178,7 @@ def _words_of_sweep(section: Section) -> dict[str, Any]:
 
 
 def words_of(section: Section, crops: Sequence[tuple[Crop, str]]) -> dict[str, Any]:
-    """What the template says of any section."""
+    """Values for the template's part on any section."""
     table = section.table
     return {
         "name": table.name,

@@ -1,4 +1,4 @@
-"""What a run says in words: how well each noise model ranks the steps, what it would choose, and what that costs."""
+"""A run's verdict in words: how well each noise model ranks the steps, what it would choose, and its regret."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ __all__ = [
     "verdicts",
 ]
 
-# An interval of ρ that lies above this is called a ranking that follows.
+# An interval of ρ above this is called a ranking that follows.
 FOLLOWS_FROM = 0.6
 # The standing of a prediction of a measured curve that is flat.
 NOTHING_TO_FOLLOW = "has nothing to follow"
 # That of a prediction which is itself flat.
 PREFERS_NONE = "prefers no step"
-# How settings of cameras are said; of what else is varied, the tables' own name is.
+# Words for settings of cameras; other varied quantities have the tables' own name.
 IN_SENTENCES = {
     "focus_distance_m": "a focus distance of {value} m",
     "pan_deg": "a pan of {value}°",
@@ -77,7 +77,7 @@ class Verdict:
 
     @property
     def standing(self) -> str:
-        """What the interval allows to say."""
+        """The statement that the interval supports."""
         if self.measured_optimum == FLAT:
             return NOTHING_TO_FOLLOW
         return PREFERS_NONE if self.predicted_optimum == FLAT else standing_of(self.rho, self.low, self.high)
@@ -95,7 +95,7 @@ def rho_words(rho: float, low: float, high: float) -> str:
 
 
 def standing_of(rho: float, low: float, high: float) -> str:
-    """What the interval of ρ allows to say."""
+    """The statement that the interval of ρ supports."""
     if math.isnan(rho):
         return "cannot be judged"
     if math.isnan(low):
@@ -197,13 +197,13 @@ def findings(table: SweepTable) -> list[dict[str, str]]:
 
 
 def remarks(table: SweepTable) -> list[str]:
-    """What a reader must know before believing the verdict; no sentence that the tables do not bear out."""
+    """Caveats of the verdict; each sentence only where the tables support it."""
     found = []
     steps = len(table.labels)
     if 1 < steps < 20:
         found.append(
             f"{steps} steps of one sweep are few: read the interval, not the number. It comes from resampled trials "
-            "and points, and says nothing of other rooms or cameras."
+            "and points, and does not cover other rooms or cameras."
         )
     wide = [v for v in verdicts(table) if steps > 1 and not math.isnan(v.low) and v.low <= 0 <= v.high]
     if wide:
@@ -214,7 +214,7 @@ def remarks(table: SweepTable) -> list[str]:
     if len(known) and np.percentile(known, 95) < 1.1 * np.percentile(known, 5):
         found.append(
             f"σ∞ of nearly every observable point is {np.median(known) * 1000:.2g} mm, the step of the process: the "
-            "filter kind of PSS then counts points, and says little of how well each is seen."
+            "filter kind of PSS then counts points, and hardly depends on how well each is seen."
         )
     missed, seen = (
         table.detection["visible_missed"],
@@ -224,7 +224,7 @@ def remarks(table: SweepTable) -> list[str]:
         dark = _of_the_dark(missed, table.detection.get("visible_missed_too_dark", 0))
         found.append(
             f"Of {seen} markers whose centre a camera should see (views × markers), {missed} ({missed / seen:.0%}) "
-            f"were not found{dark}. The paper’s metric asks for a centre in view; a detector needs the whole marker, "
+            f"were not found{dark}. The paper’s metric requires a centre in view; a detector needs the whole marker, "
             "large, sharp and bright enough.".replace("%", " %")
         )
     return found

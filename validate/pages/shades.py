@@ -44,7 +44,7 @@ def scales(table: SweepTable) -> Columns:
                 ticks = _ticks(low, high)
                 name = f"{colour}|{kind.name}|{model}"
                 columns[f"low|{name}"], columns[f"high|{name}"] = round(bottom, 4), round(high, 4)
-                # The scale's own lower end: below it lies the grey of what is not known.
+                # The scale's own lower end: grey, below it, marks unknown values.
                 columns[f"known_from|{name}"] = round(low, 4)
                 columns[f"ticks|{name}"] = [round((bottom + low) / 2, 4), *plain(np.log10(ticks))]
                 columns[f"ticktexts|{name}"] = ["unknown", *(f"{tick:g}" for tick in ticks)]

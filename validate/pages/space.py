@@ -126,7 +126,7 @@ def _cameras(group: str, cameras: Sequence[Any], frusta: Sequence[Frustum]) -> C
     if group == "idle":
         return columns
     columns |= _polyline(f"edges|{group}", [line for f in frusta for line in _edges(f)])
-    # An icon is a cone whose tip is the lens and whose base lies ahead: it points backwards.
+    # An icon is a cone with its tip at the lens and its base ahead: it points backwards.
     axes = np.array([f.axis for f in frusta]).reshape(-1, 3)
     columns |= {f"axes|{group}_{axis}": plain(-axes[:, n]) for n, axis in enumerate("uvw")}
     planes, count, faces = [np.zeros((0, 3))], 0, [np.zeros((0, 3), dtype=np.int64)]

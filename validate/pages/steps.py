@@ -26,7 +26,7 @@ FOUND_FROM = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """What one view's detections say of N markers, over its trials.
+    """Statistics of one view's detections of N markers, over its trials.
 
     Attributes:
         view_key: the view's name in the store.

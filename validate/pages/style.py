@@ -25,7 +25,7 @@ NUMBERS = ".6~g"
 LOG_AXIS = {"type": "log", "tickformat": NUMBERS, "nticks": 3}
 """A logarithmic axis: without a format plotly writes the first digit alone, 2 for 0.02 and for 20.
 
-With three ticks asked for it writes 1, 2 and 5 in one or two decades, powers of ten in more, and few others in less.
+With three ticks requested it writes 1, 2 and 5 in one or two decades, powers of ten in more, and few others in less.
 """
 FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', sans-serif"
 

@@ -61,7 +61,7 @@ class ScheduleForReport:
 def of_schedule(
     result: ScheduleResult, measured: Mapping[Acquisition, ViewMeasurement], renderer: str
 ) -> ScheduleForReport:
-    """What a run knows of itself: `result` is of both avatars."""
+    """The parts of a run; `result` is of both avatars."""
     design = result.held.design
     found = different(design)
     predictions = tuple(result.held.steps[run][step].assessments[BOTH].predicted for run, step in found.places)
@@ -102,7 +102,7 @@ def remade_schedule(folder: Path, recorded: Mapping[str, Any], given: Given, str
 
     Args:
         recorded: the folder's run.json.
-        given, strategy: what the command line names of the run's files: what run.json names may be a stranger's.
+        given, strategy: what the command line names of the run's files: what run.json names may come from elsewhere.
 
     Raises:
         StoreError: other strategies than the run's, its files have changed since, or the store lacks what it used.

@@ -55,8 +55,8 @@ def ranking_figure(table: ScheduleTable) -> Figure:
         "Which strategy is best",
         "Each strategy’s rank over the whole walk, 1 the best, among those of the chosen zoom limit: by predicted PSS "
         "and by what was measured. Bars are 95 % intervals of resampled trials and markers, in ranks. Strategies whose "
-        "bars overlap are not told apart by this walk. A strategy that is chosen wrongly costs what the verdict calls "
-        "regret, which may be little.",
+        "bars overlap are not distinguishable on this walk. A strategy that is chosen wrongly costs what the verdict "
+        "calls regret, which may be little.",
         "Dots with intervals: the rank of each strategy, predicted and measured.",
         traces,
         layout(

@@ -1,4 +1,4 @@
-"""What a schedule says in words: how well PSS follows along the walk, which strategy it would choose, the claims."""
+"""A schedule's verdict in words: how well PSS follows along the walk, which strategy it would choose, the claims."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ WITHOUT_SIZE = ("as-printed", "corrected")
 STEADY = "People are held still at each step: prediction and measurement are those of a local steady state."
 INTERVALS = (
     "Intervals of the verdict are over steps, which are few and alike from one to the next; those of PSS and ranks "
-    "come from resampled trials and markers. They say nothing of other hallways, walks or cameras."
+    "come from resampled trials and markers. They do not cover other hallways, walks or cameras."
 )
 
 
@@ -86,9 +86,9 @@ def cards(table: ScheduleTable) -> list[dict[str, str]]:
 
 
 def claims_in_brief(table: ScheduleTable) -> list[dict[str, Any]]:
-    """The paper's claims, each with what the leading noise model and the measurement say of it, by kind.
+    """The paper's claims, each with the results of the leading noise model and of the measurement, by kind.
 
-    Of a claim that is asked under several zoom limits, the first that can be asked.
+    Of a claim that is tested under several zoom limits, the first that can be tested.
     """
     found = []
     for claim in dict.fromkeys(row["claim"] for row in table.claims):
@@ -104,7 +104,7 @@ def claims_in_brief(table: ScheduleTable) -> list[dict[str, Any]]:
 
 
 def remarks(table: ScheduleTable) -> list[str]:
-    """What a reader must know before believing the verdict; no sentence that the tables do not bear out."""
+    """Caveats of the verdict; each sentence only where the tables support it."""
     found = [
         f"{STEADY} The walk that is rendered frame by frame is in walk.csv and the film, not here.",
         INTERVALS,
