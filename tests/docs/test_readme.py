@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -19,11 +20,40 @@ def test_the_readme_is_short():
     assert README.partition("\n## ")[0].count("![") == 1
 
 
-def test_the_example_has_at_most_twelve_lines():
-    """And is Python; the names in it are those of docs/library.md."""
+# What makes README.md's example small enough for a test.
+SMALLER = {
+    '"sensor.exposure_ms=8"': '"sensor.exposure_ms=8", "sensor.resolution_px=[320, 240]"',
+    "trials=10": "trials=2",
+    "trials=5": 'trials=2, overrides=["sensor.resolution_px=[320, 240]", "sweep.vary.values=[1, 3]"]',
+}
+
+
+def example() -> str:
     (block,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
-    assert len([line for line in block.splitlines() if line.strip()]) <= 12
-    compile(block, "README.md", "exec")
+    return block
+
+
+def test_the_example_has_at_most_twelve_lines():
+    assert len([line for line in example().splitlines() if line.strip()]) <= 12
+
+
+@pytest.mark.render
+def test_the_example_runs(tmp_path, monkeypatch, capsys):
+    """README.md's Python, with smaller images and fewer steps: from a scene to saved tables."""
+    monkeypatch.chdir(tmp_path)
+    code = example()
+    for long, short in SMALLER.items():
+        assert code.count(long) == 1
+        code = code.replace(long, short)
+    names: dict[str, Any] = {}
+    exec(compile(code, "README.md", "exec"), names)
+    assert names["image"].shape == names["view"].radiance.shape == (240, 320)
+    assert len(names["found"].ids) > 0
+    assert list(names["predicted"]) == [model.name for model in names["scene"].noise_models]
+    printed = capsys.readouterr().out
+    assert all(model in printed for model in names["predicted"])
+    assert (tmp_path / "results" / "zoom" / "configurations.csv").exists()
+    assert len(names["result"].table("configurations")) == 2 * len(names["predicted"])
 
 
 def test_files_that_the_readme_shows_are_there():
