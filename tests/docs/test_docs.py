@@ -239,7 +239,7 @@ def test_slow_commands_are_understood(line, monkeypatch):
 
     monkeypatch.chdir(ROOT)
     begun = []
-    monkeypatch.setattr(run, "execute", lambda options, messages: begun.append(run._loaded(options)) or 0)
+    monkeypatch.setattr(run, "execute", lambda request, messages: begun.append(request.load()) or 0)
     words = arguments(line)
     if words[0] in SUBCOMMANDS and words[0] not in ("sweep", "measure"):
         command = importlib.import_module(f"validate.commands.{words[0].replace('-', '_')}")
