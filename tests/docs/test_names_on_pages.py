@@ -31,3 +31,13 @@ def test_the_paths_on_a_page_exist(page):
 
 def test_a_path_that_is_not_there_is_found():
     assert missing("See `validate/absent.py`, `pss/noise/` and scenes/room.toml.") == ["validate/absent.py"]
+
+
+@pytest.mark.parametrize("package", ["pss", "render", "scenes", "validate"])
+def test_contributing_has_every_room(package):
+    """In the table of rooms, in the rows of its package."""
+    table = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").partition("| package | room |")[2]
+    rows = re.split(r"^\| `(\w+)/` \|", table.partition("\n\n")[0], flags=re.MULTILINE)
+    of_package = dict(zip(rows[1::2], rows[2::2], strict=True))[package]
+    named = {name for cells in of_package.splitlines() for name in re.findall(r"`(\w+)`", cells)}
+    assert named == {path.parent.name for path in (ROOT / package).glob("*/__init__.py")}
