@@ -32,3 +32,23 @@ def scene_problems(folder: Path, text: str, overrides: tuple[str, ...] = ()) -> 
     with pytest.raises(SceneError) as caught:
         scenes.load(write(folder, text), overrides)
     return caught.value.problems
+
+
+# Written beside no other file, where a sweep may name no scene in the folder above.
+ZOOM, SELECTION = (
+    (FOLDER / "sweeps" / f"{name}.toml").read_text().replace("../room.toml", "room.toml")
+    for name in ("zoom", "selection")
+)
+PLACED = """
+[[markers.placed]]
+id = 90
+object = "plinth"
+centre_m = [0.25, 0.3, 0.4]
+normal = [0.0, 2.0, 0.0]
+module_mm = 10.0
+"""
+
+
+def start_of_line(key: str, value: str | None) -> str:
+    """A missing key has no value; "…" stands for one that would make the table too wide."""
+    return f"{key} is missing; " if value is None else f"{key} = " if value == "…" else f"{key} = {value};"
