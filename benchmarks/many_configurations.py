@@ -28,7 +28,7 @@ from validate.bank.design import BankDesign, ViewBank, draw_configurations, held
 from validate.bank.judge import predictions
 from validate.bank.leaderboard import single_frame_terms
 from validate.bank.measured import BankData, measure_all
-from validate.bank.predicted import Contender
+from validate.prediction.contenders import Contender
 from validate.stats.crossed import Resamples
 from validate.stats.ranking import judge_against
 

@@ -101,7 +101,7 @@ def draw_room(axes: Axes, result: SweepResult, view: RenderedView, norm: LogNorm
     step = [configuration.label for configuration in result.configurations].index(SHOWN)
     configuration = result.configurations[step]
     state = configuration.scene.state
-    sigma_mm = result.assessments[step].predicted[result.noise_models[-1]].single_frame_sigma_m * 1000
+    sigma_mm = result.assessments[step].predicted[result.shown_model].single_frame_sigma_m * 1000
     axes.imshow(coloured(view, np.array([marker.id for marker in state.markers]), sigma_mm, norm))
     first = {camera.name: camera for camera in result.configurations[0].cameras}
     halo = [withStroke(linewidth=2.5, foreground="white")]

@@ -130,9 +130,19 @@ class Scene:
             raise SceneError([f"{self.path}: {given}; allowed: one or more of {allowed}, each once"])
         return cameras
 
-    def noise_model(self, name: str) -> NoiseModel:
-        """R_k by name, also beyond `noise.models`: with the scene's sensor, switches, weights and scale."""
-        return named_model(name, self._spec.noise, self.path.parent, self.sensor)
+    def noise_model(self, name: str, *, ccd_noise: float | None = None, px2_per_m2: float | None = None) -> NoiseModel:
+        """R_k by name, whether `noise.models` has it or not: with the scene's sensor, switches, weights and scale.
+
+        Args:
+            ccd_noise, px2_per_m2: constants in place of the sensor's and the file's.
+
+        Raises:
+            RangeError: there is no such model, or the file's switches leave none of its factors.
+        """
+        noise = self._spec.noise
+        if px2_per_m2 is not None:
+            noise = noise.model_copy(update={"px2_per_m2": px2_per_m2})
+        return named_model(name, noise, self.path.parent, self.sensor, ccd_noise)
 
     @property
     def widest_f_number(self) -> float:

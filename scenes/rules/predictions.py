@@ -18,18 +18,21 @@ __all__ = ["CALIBRATION_FILE", "check_predictions", "named_model", "named_visibi
 CALIBRATION_FILE = ".toml"
 
 
-def named_model(name: str, noise: NoiseSpec, folder: Path, sensor: ImageSensor) -> NoiseModel:
-    """The noise model called `name`, with the file's switches and weights for its factors.
+def named_model(
+    name: str, noise: NoiseSpec, folder: Path, sensor: ImageSensor, ccd_noise: float | None = None
+) -> NoiseModel:
+    """The noise model called `name`, with those of the file's switches and weights that it has factors for.
 
     Its name in tables is that of the file, so that two calibrations never share one.
 
     Args:
         name: of `pss.NOISE_MODELS`, or the path of a calibration from `folder`.
+        ccd_noise: dark noise over full well in place of the sensor's.
 
     Raises:
         RangeError: there is none, its package cannot build it, or no factor of it remains.
     """
-    model = _unswitched(name, noise, folder, sensor)
+    model = _unswitched(name, noise, folder, sensor, ccd_noise)
     for factor in noise.switched_off:
         if factor in model.switches:
             model = model.without(factor)
@@ -59,8 +62,11 @@ def _placed(name: str, folder: Path) -> str | Path:
     return folder / name if name.endswith(CALIBRATION_FILE) else name
 
 
-def _unswitched(name: str, noise: NoiseSpec, folder: Path, sensor: ImageSensor) -> NoiseModel:
-    whole = noise_model(_placed(name, folder), ccd_noise=sensor.ccd_noise, px2_per_m2=noise.px2_per_m2, sensor=sensor)
+def _unswitched(
+    name: str, noise: NoiseSpec, folder: Path, sensor: ImageSensor, ccd_noise: float | None = None
+) -> NoiseModel:
+    dark = sensor.ccd_noise if ccd_noise is None else ccd_noise
+    whole = noise_model(_placed(name, folder), ccd_noise=dark, px2_per_m2=noise.px2_per_m2, sensor=sensor)
     return dataclasses.replace(whole, name=name)
 
 

@@ -32,8 +32,14 @@ CERTIFICATE = Certificate(0.1, 0.1, 0.3, 0.1, 0.3, 1000, 0.0)
 FOUND = 0.8
 
 
-def made_up_run(folder: Path, scene: str, sweeps: dict[str, str]) -> tuple[list[SweepResult], Acquired, Store]:
-    """Leave tables, stored views and the report of sweeps in `folder`/run, from the text of scene and sweep files."""
+def made_up_run(
+    folder: Path, scene: str, sweeps: dict[str, str], lit: bool = False
+) -> tuple[list[SweepResult], Acquired, Store]:
+    """Leave tables, stored views and the report of sweeps in `folder`/run, from the text of scene and sweep files.
+
+    Args:
+        lit: whether it is known how the markers look, which some noise models need.
+    """
     (folder / "closet.toml").write_text(scene)
     store, results, acquired = Store(folder / "store"), [], Acquired()
     for name, text in sweeps.items():
@@ -48,6 +54,9 @@ def made_up_run(folder: Path, scene: str, sweeps: dict[str, str]) -> tuple[list[
                     acquired.measured[item] = _detections(item)
                     acquired.certificates[item.request.key] = CERTIFICATE
                     save_view(store, made_up_view(item), item.request)
+        if lit:
+            for each in made.configurations:
+                acquired.appearances[state_key(each.scene.state)] = each.scene.appearance()
         results.append(assess_sweep(made, acquired))
     out = folder / "run"
     for name, rows in (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -43,13 +44,16 @@ FEW = [f"sweep.walk.steps={STEPS}", 'sweep.strategies=["follow", "swap-to-closer
 FEW += ['sweep.zoom_limits=["none", 8.0]', "sweep.walk.reach_m=2.0"]
 
 
-def made_up_schedule(folder: Path) -> SimpleNamespace:
+def made_up_schedule(folder: Path, overrides: Sequence[str] = ()) -> SimpleNamespace:
     """Leave tables, stored views and the report of a schedule in `folder`/run; two strategies, three steps.
+
+    Args:
+        overrides: of the scene.
 
     Its zoom limit binds nowhere: runs with it see what those without it see.
     """
     schedule = load_schedule("hallway", FEW)
-    stage = stage_of(schedule, scenes.load(schedule.scene_path, SMALL))
+    stage = stage_of(schedule, scenes.load(schedule.scene_path, [*SMALL, *overrides]))
     runs = [Run(name, limit, _steered(stage, name)) for name in ASSIGNMENTS for limit in schedule.zoom_limits]
     design = design_of(schedule, stage, runs, "made up")
     acquired = acquired_of([(scene, views[k]) for views in design.views for k, scene in enumerate(design.scenes)])

@@ -12,6 +12,7 @@ import numpy as np
 import scenes
 from render.light.estimated_light import estimated_appearance
 from scenes import load_sweep
+from validate.prediction.contenders import shown_model
 from validate.prediction.predict import predict
 
 __all__ = ["predicted_result"]
@@ -50,6 +51,7 @@ def predicted_result(name: str, measured: Sequence[float] | None = None, every: 
             for each, value in zip(predicted, pss, strict=True)
         ],
         noise_models=models,
+        shown_model=shown_model(models),
         replicates={
             model: SimpleNamespace(
                 measured_pss=draws,

@@ -16,7 +16,8 @@ from validate.bank.design import ViewBank
 from validate.bank.judge import appearance_of, predictions
 from validate.bank.leaderboard import CountVerdict, single_frame_terms
 from validate.bank.measured import BankData, residual_moments
-from validate.bank.predicted import Contender, GivenCovariance, GivenVisibility
+from validate.bank.predicted import GivenCovariance, GivenVisibility
+from validate.prediction.contenders import Contender
 from validate.stats.consistency import of_errors, pooled_spearman, root_trace_of
 from validate.stats.ranking import Judged, judge_against, with_interval
 

@@ -16,8 +16,8 @@ from validate.bank.filtered import Filtered
 from validate.bank.judge import appearance_of
 from validate.bank.leaderboard import CountVerdict
 from validate.bank.measured import BankData, residual_moments
-from validate.bank.predicted import Contender
 from validate.bank.process_noise import information_of, steady_covariances
+from validate.prediction.contenders import Contender
 from validate.stats.consistency import anisotropy, of_errors, of_moments, pooled_spearman, root_trace_of, sandwich
 from validate.stats.ranking import Resamples, with_interval
 

@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pss import METRICS, Appearance, DetectionModel, NoiseModel
+from pss import METRICS, Appearance
 from pss.cameras.views import Views
-from pss.json_text import json_text
-from pss.noise import CALIBRATION_FACTORS, SCALED_MODELS, Calibration
-from pss.visibility.points import VISIBILITY_TESTS, VisibilityTest
-from pss.visibility.targets import TARGET_VISIBILITY, within_limits
+from pss.noise import CALIBRATION_FACTORS, SCALED_MODELS
 from render.keys import state_key
 from render.random_streams import random_stream
-from scenes import Scene, SceneError
+from scenes import Scene
 from validate.acquire.acquire import Acquired
 from validate.bank.design import ViewBank, draw_configurations
 from validate.bank.leaderboard import CountVerdict
 from validate.bank.measured import BankData, measure_all
-from validate.bank.predicted import Contender, Predicted, PredictionTask, predict_all
+from validate.bank.predicted import Predicted, PredictionTask, predict_all
+from validate.prediction.contenders import CALIBRATED_LIMITS, FULL_MODEL, PHYSICAL_WHOLE, Contender
 from validate.prediction.detection import DetectionTrials, FittedDetection, detection_trials, fit_detection
 from validate.prediction.limits import FittedLimits, fit_limits
 from validate.prediction.weights import (
@@ -31,52 +28,25 @@ from validate.prediction.weights import (
     fit_scale,
     model_covariance,
     pixel_moments,
-    scaled,
 )
 
 __all__ = [
-    "BASES",
-    "CALIBRATED_LIMITS",
-    "CALIBRATED_R",
-    "FREE_MODELS",
-    "FULL_MODEL",
-    "PHYSICAL_WHOLE",
-    "SCALED",
     "appearance_of",
     "calibrated",
-    "check_models",
     "data_of",
-    "detection_model_of",
     "detection_of",
-    "judged",
     "limits_of",
-    "noise_models",
     "predictions",
     "requested_pairs",
     "scales_of",
-    "scene_contenders",
     "verdict_of",
-    "visibilities",
 ]
 
 
-# Models that need no measurement.
-FREE_MODELS = ("as-printed", "corrected", "physical", "identity")
 # Under the models other than the one under which all metrics are evaluated.
 ALWAYS = ("pss", "pss-single-frame", "d-optimality-count-zero", "e-optimality-count-zero")
-# R and limits of detection, both fitted on the training views; all metrics are judged under it.
-CALIBRATED_LIMITS = "calibrated, limits"
-# The fitted R with all that was fitted of detection.
-FULL_MODEL = "calibrated"
 # What is judged under the full model: the metrics that expected counts define.
 OF_FULL_MODEL = ("pss", "pss-single-frame", "visibility-count", "visible-share")
-# The fitted R alone, and the one that fits nothing with whole markers in place of their centres.
-CALIBRATED_R, PHYSICAL_WHOLE = "calibrated R", "physical, whole markers"
-# The models whose unit is open, times one scalar fitted on the training views.
-SCALED = {name: f"{name}, scaled" for name in SCALED_MODELS}
-# What every contender is compared with, pairwise: no R at all, the same in the unit that fits, the one that fits
-# nothing, and the one that all metrics are judged under.
-BASES = ("identity", SCALED["identity"], "physical", CALIBRATED_LIMITS)
 
 
 def data_of(bank: ViewBank, acquired: Acquired, seed: int) -> BankData:
@@ -127,83 +97,6 @@ def detection_of(banks: Sequence[ViewBank], acquired: Acquired, seed: int) -> Fi
         rate, renders = data_of(bank, acquired, seed).detected.mean(axis=1), len(bank.views[0].renders)
         trials.append(detection_trials(views, state.occluders, rate, renders, bank.scene.sensor))
     return fit_detection(DetectionTrials.together(trials))
-
-
-def detection_model_of(scene: Scene, calibration: Calibration) -> DetectionModel | None:
-    """The calibration's probability of detection by the scene's sensor; None if it has none."""
-    return DetectionModel(calibration.detection, scene.sensor) if calibration.detection else None
-
-
-def noise_models(scene: Scene, calibration: Calibration) -> list[NoiseModel]:
-    """The R_k that are judged in a scene, with its own sensor, switched-off factors and scale of Eq. 11.
-
-    Those that are scaled as a whole are among them if the calibration has their scales; the calibrated R is the last.
-    """
-    # Under the names that the tables have, which a model without some of its factors would extend.
-    free = {name: dataclasses.replace(scene.noise_model(name), name=name) for name in FREE_MODELS}
-    in_unit = [scaled(free[name], scale, SCALED[name]) for name, scale in calibration.scales.items()]
-    return [
-        *free.values(),
-        *in_unit,
-        NoiseModel(calibration.name, calibration.factors(scene.sensor, scene.sensor.ccd_noise)),
-    ]
-
-
-def visibilities(scene: Scene, calibration: Calibration) -> dict[str, tuple[VisibilityTest, ...]]:
-    """What may count as visible: the paper's points, whole markers, and those within the fitted limits."""
-    fitted = within_limits(calibration.limits, scene.sensor)
-    return {"points": VISIBILITY_TESTS, "whole markers": TARGET_VISIBILITY, "fitted limits": fitted}
-
-
-def scene_contenders(scene: Scene, calibration: Calibration) -> list[Contender]:
-    """What is judged in a scene: each R with the scene's [metric], and those that know of whole markers in any case."""
-    models = {model.name: model for model in noise_models(scene, calibration)}
-    visible = visibilities(scene, calibration)
-    return [
-        *(Contender(name, models[name], scene.visibility) for name in FREE_MODELS),
-        *(Contender(SCALED[name], models[SCALED[name]], scene.visibility) for name in calibration.scales),
-        Contender(PHYSICAL_WHOLE, models["physical"], visible["whole markers"]),
-        Contender(CALIBRATED_R, models[calibration.name], scene.visibility),
-        Contender(CALIBRATED_LIMITS, models[calibration.name], visible["fitted limits"]),
-        _full_model(models[calibration.name], visible, detection_model_of(scene, calibration)),
-    ]
-
-
-def _full_model(
-    noise: NoiseModel, visible: Mapping[str, tuple[VisibilityTest, ...]], detection: DetectionModel | None
-) -> Contender:
-    """The fitted R with the probability of detection; with the limits, if the calibration has no such probability."""
-    if detection is None:
-        return Contender(FULL_MODEL, noise, visible["fitted limits"])
-    return Contender(FULL_MODEL, noise, visible["whole markers"], detection)
-
-
-def judged(contenders: Sequence[Contender]) -> dict[str, dict[str, list[str]]]:
-    """What was predicted with, for run.json: by the contender's name, the factors of its R and its visibility tests."""
-    return {
-        contender.name: {
-            "noise": [factor.name for factor in contender.noise.factors],
-            "visibility": [test.name for test in contender.visibility]
-            + ["probability of detection"] * (contender.detection is not None),
-        }
-        for contender in contenders
-    }
-
-
-def check_models(scene: Scene, command: str, used: Collection[str]) -> None:
-    """Refuse a scene whose list of noise models is not that of a command which compares the same ones always.
-
-    Args:
-        used: those that need no calibration; of them, "identity" may be in the file or not.
-
-    Raises:
-        SceneError: with the list and what is allowed.
-    """
-    models = list(scene.resolved()["noise"]["models"])
-    needed = [name for name in used if name != "identity"]
-    if not set(needed) <= set(models) <= set(used):
-        allowed = f"allowed with {command}, whose tables compare all of these: {json_text(needed)}, in any order"
-        raise SceneError([f"{scene.path}: noise.models = {json_text(models)}; {allowed}"])
 
 
 def requested_pairs(contenders: Sequence[Contender]) -> list[tuple[str, str]]:

@@ -12,16 +12,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pss import METRICS, Appearance, DetectionModel, Evaluation, NoiseModel, PTZCamera, evaluate_many
+from pss import METRICS, Appearance, Evaluation, PTZCamera, evaluate_many
 from pss.cameras.views import Views
 from pss.hints import Bools, Floats
 from pss.noise.covariance import PixelCovariance
 from pss.processes.process import ProcessModel
 from pss.surrogates import Shape
-from pss.visibility.points import VISIBILITY_TESTS, VisibilityTest, visible_in
+from pss.visibility.points import VisibilityTest, visible_in
 from validate.bank.processes import workers_context
+from validate.prediction.contenders import Contender
 
-__all__ = ["Contender", "GivenCovariance", "GivenVisibility", "Predicted", "PredictionTask", "predict_all"]
+__all__ = ["GivenCovariance", "GivenVisibility", "Predicted", "PredictionTask", "predict_all"]
 
 
 # Configurations evaluated in one call: views that they share are looked at once.
@@ -63,16 +64,6 @@ class GivenVisibility:
     def passed(self, views: Views, candidates: Bools, occluder: Sequence[Shape]) -> Bools:
         """The table's rows of the cameras."""
         return np.asarray(candidates & self.visible[[self.cameras.index(camera) for camera in views.cameras]])
-
-
-@dataclass(frozen=True, eq=False)
-class Contender:
-    """What is judged: a noise model, what counts as visible, and the probability that it is found (None: it is)."""
-
-    name: str
-    noise: NoiseModel
-    visibility: tuple[VisibilityTest, ...] = VISIBILITY_TESTS
-    detection: DetectionModel | None = None
 
 
 @dataclass(frozen=True, eq=False)

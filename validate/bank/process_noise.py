@@ -22,7 +22,8 @@ from validate.bank.design import ViewBank, draw_configurations
 from validate.bank.filtered import Filtered
 from validate.bank.judge import appearance_of, predictions
 from validate.bank.leaderboard import CountVerdict
-from validate.bank.predicted import Contender, Predicted
+from validate.bank.predicted import Predicted
+from validate.prediction.contenders import Contender
 from validate.prediction.process_levels import Level, levels_about
 from validate.stats.ranking import Ranked, with_interval
 

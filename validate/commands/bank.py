@@ -28,25 +28,22 @@ from validate.bank.design import BankDesign, ViewBank, detection_views, held_out
 from validate.bank.detected import detection_rows, reliability_rows
 from validate.bank.differences import difference_rows
 from validate.bank.filtered import filter_all
-from validate.bank.judge import (
-    BASES,
-    FREE_MODELS,
-    check_models,
-    data_of,
-    detection_model_of,
-    judged,
-    noise_models,
-    requested_pairs,
-    scene_contenders,
-    verdict_of,
-    visibilities,
-)
+from validate.bank.judge import data_of, requested_pairs, verdict_of
 from validate.bank.leaderboard import leaderboard
 from validate.bank.process_noise import process_levels, process_rows
 from validate.bank.sensitivity import scale_rows, sensitivity_rows
 from validate.bank.size_bins import size_rows
 from validate.commands.subcommands import Bank
 from validate.findings.bank import bank_findings
+from validate.prediction.contenders import (
+    BASES,
+    detection_model_of,
+    judged,
+    noise_models,
+    own_models,
+    scene_contenders,
+    visibilities,
+)
 from validate.prediction.frozen import FrozenCalibration, leave, provenance_of, read_frozen
 from validate.prediction.process_levels import Level
 from validate.runs.console import Console
@@ -120,8 +117,6 @@ def _banks(
         other_scene = scenes.load(second_scene, allow_outside=allow_outside)
         _check_cameras(other_scene)
         banks.append(held_out_views(other_scene, design, renderer))
-    for bank in banks:
-        check_models(bank.scene, "bank", FREE_MODELS)
     return banks
 
 
@@ -239,7 +234,7 @@ def judge(
             names = [contender.name for contender in contenders]
             rows["size"] = size_rows(verdict, names)
             rows["differences"] += difference_rows(verdict, names, [base for base in BASES if base in names])
-            of_open_unit = [model for model in models if model.name in calibration.scales]
+            of_open_unit = [model for model in models if model.name in calibration.scales] + own_models(bank.scene)
             rows["scale"] += scale_rows(bank, verdict, of_open_unit, calibration.scales, acquired)
             rows["parts"] += parts_rows(bank, data, verdict, models, visible, acquired)
     # The pixel level has fewer columns; every row of a file has all of them.

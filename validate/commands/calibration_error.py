@@ -11,9 +11,10 @@ import scenes
 from pss.cameras.views import Views
 from pss.hints import Row
 from pss.json_text import json_text
+from pss.noise.table import BUILT_IN_MODELS
 from pss.visibility.points import visible_in
 from render.random_streams import random_stream
-from scenes import Scene
+from scenes import Scene, SceneError
 from scenes.steps.sweep_file import SWEEPS
 from validate.acquire.acquire import Acquired
 from validate.acquire.messages import RunMessages
@@ -22,18 +23,15 @@ from validate.bank.acquire import acquire_banks, calibrate, enough
 from validate.bank.calibration_predicted import Predictions
 from validate.bank.calibration_study import IN_WEIGHTS, OWN, study
 from validate.bank.design import BankDesign, ViewBank, draw_configurations, held_out_views, training_views
-from validate.bank.judge import appearance_of, data_of, noise_models, visibilities
+from validate.bank.judge import appearance_of, data_of
 from validate.commands.subcommands import CalibrationError
 from validate.plots.calibration_error import draw
+from validate.prediction.contenders import noise_models, own_models, visibilities
 from validate.runs.console import Console
 from validate.runs.outputs import check_folders
 from validate.sweeps.rows import write_csv
 
-__all__ = ["execute", "without_effect"]
-
-# What the project's scenes list; nothing is expected of it here.
-USUAL_MODELS = ("as-printed", "corrected", "physical")
-
+__all__ = ["check_keys", "execute"]
 
 CAMERAS = 4
 # Columns of sizes, and what they are multiplied by to be degrees, % and mm.
@@ -49,11 +47,10 @@ def execute(options: CalibrationError) -> int:
     check_folders(out, rendering.store)
     design = BankDesign(settings=options.settings, trials=options.trials, turns=options.turns, seed=options.seed)
     loaded = scenes.load(options.scene or SWEEPS.parent / "room.toml", allow_outside=options.allow_outside)
+    check_keys(loaded)
     with RunMessages(width=WIDTH) as messages:
         source = open_source(rendering.store, rendering.variant, messages, options.scale)
         messages.start(out, "calibration-error", store=rendering.store)
-        for line in without_effect(loaded):
-            messages.warn(line)
         requested = training_views(loaded, design, source.renderer), held_out_views(loaded, design, source.renderer)
         acquired, (training, bank) = acquire_banks(requested, source)
         if enough(training, bank, CAMERAS, messages):
@@ -61,18 +58,24 @@ def execute(options: CalibrationError) -> int:
         return end_run(f"results in {out}", acquired, messages)
 
 
-def without_effect(scene: Scene) -> list[str]:
-    """A line if a scene sets what this command has no use for: it judges the calibrated model within its own limits."""
-    document = scene.resolved()
-    noise, metric = document["noise"], document["metric"]
-    keys = [f"noise.models = {json_text(noise['models'])}"] if set(noise["models"]) != set(USUAL_MODELS) else []
-    keys += [f"noise.switched_off = {json_text(noise['switched_off'])}"] if noise["switched_off"] else []
+def check_keys(scene: Scene) -> None:
+    """Refuse a scene that sets what this command cannot obey: it judges one model, fitted in the run.
+
+    The models that all commands know may be listed: nothing is expected of them here.
+
+    Raises:
+        SceneError: with the keys and why.
+    """
+    resolved = scene.resolved()
+    noise, metric = resolved["noise"], resolved["metric"]
+    keys = [f"noise.models = {json_text(noise['models'])}"] if own_models(scene) else []
+    keys += [f"noise.{key} = {json_text(noise[key])}" for key in ("switched_off", "weights") if noise.get(key)]
     keys += [f"noise.px2_per_m2 = {noise['px2_per_m2']:g}"] if noise["px2_per_m2"] != 1 else []
     keys += [f'metric.visibility = "{metric["visibility"]}"'] if metric["visibility"] != "point" else []
-    if not keys:
-        return []
-    why = "the calibrated model is judged, within the limits that are fitted with it"
-    return [f"{scene.path}: {', '.join(keys)} without effect in calibration-error: {why}"]
+    if keys:
+        allowed = f"none of these with calibration-error; allowed: models of {', '.join(BUILT_IN_MODELS)}"
+        why = "the model that is judged, and its limits of detection, are fitted in the run"
+        raise SceneError([f"{scene.path}: {', '.join(keys)}; {allowed}, as {why}"])
 
 
 def _rank(

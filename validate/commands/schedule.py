@@ -20,8 +20,8 @@ from validate.acquire.forecast import announce
 from validate.acquire.messages import RunMessages
 from validate.acquire.source import ViewSource, end_run, open_source, warn_of_quality
 from validate.acquire.view_names import view_names
-from validate.bank.judge import FREE_MODELS, check_models, judged, scene_contenders
 from validate.commands.subcommands import Schedule
+from validate.prediction.contenders import judged
 from validate.runs.console import Console
 from validate.runs.exit_codes import EXIT_DONE
 from validate.runs.outputs import check_folders, linked_views
@@ -31,7 +31,7 @@ from validate.runs.tables import as_written
 from validate.runs.versions import versions
 from validate.schedule.agreement import ALL_RUNS, agreement_rows
 from validate.schedule.claims import claim_rows
-from validate.schedule.held import FULL_MODEL, MODELS, Design, assess_held, design_of, training_levels
+from validate.schedule.held import FULL_MODEL, Design, assess_held, design_of, held_contenders, training_levels
 from validate.schedule.own_cameras import own_cameras
 from validate.schedule.own_strategy import own_strategy
 from validate.schedule.process_rows import process_rows
@@ -65,7 +65,6 @@ def execute(options: Schedule) -> int:
     own = dict(own_strategy(each) for each in options.strategy)
     strategies_of(file, own)  # raises what is wrong with them
     stage = stage_of(file, scenes.load(options.scene or file.scene_path, overrides, allow_outside=shared.allow_outside))
-    check_models(stage.scene, "schedule", FREE_MODELS)
     with RunMessages(shared.quiet) as messages:
         source = open_source(shared.store, shared.variant, messages, shared.scale)
         messages.note("steering the cameras")
@@ -110,8 +109,8 @@ def _judge(
     reported = 0.0
     if whole is not None:
         calibration = calibrate_hallway(whole.training, acquired)
-        contenders = scene_contenders(whole.design.stage.scene, calibration)
-        predicted_with = {**judged([each for each in contenders if each.name in MODELS])}
+        contenders = held_contenders(whole.design.stage.scene, calibration)
+        predicted_with = {**judged(contenders)}
         write_text(folder / "calibrated.toml", calibration.to_toml())
         tables, both = _write_tables(whole, acquired, calibration, folder)
         linked_views(folder, [i.request.key for i in requested.views if i.request.key not in acquired.failed], store)

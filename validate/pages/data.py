@@ -12,6 +12,7 @@ import numpy as np
 from pss.hints import CsvRow, Floats
 from render.store.folder import StoreError
 from validate.pages.columns import Columns, check_counts, is_number, whole_number
+from validate.prediction.contenders import shown_model
 from validate.prediction.own_metrics import OWN_COLUMN
 from validate.runs.csv_file import number_in
 from validate.runs.csv_rows import all_of
@@ -142,8 +143,8 @@ class SweepTable:
 
     @property
     def leading_model(self) -> str:
-        """The noise model that the report begins with: the physical one, which fits nothing, else the last."""
-        return "physical" if "physical" in self.models else self.models[-1]
+        """The noise model that the report begins with, as figures show it."""
+        return shown_model(self.models)
 
     def predicted_pss(self, model: str, kind: Kind) -> Curve:
         """1/m, predicted by a noise model."""

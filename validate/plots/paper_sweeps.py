@@ -47,7 +47,7 @@ def static_figure(number: int, result: SweepResult) -> Figure:
         axes.set_title(_title(result, step), pad=0)
         for_print(axes)
         tops.append(axes)
-    print_colour_scale(figure, tops, norm, result.noise_models[-1])
+    print_colour_scale(figure, tops, norm, result.shown_model)
     for column, single_frame in enumerate((True, False)):
         axes = figure.add_subplot(grid[1, column])
         draw_curves(axes, result, single_frame)
@@ -62,7 +62,7 @@ def _title(result: SweepResult, step: int) -> str:
             label = label.replace(before, after) + (" m" if "focus" in before else "")
     if result.configurations[step].parameter == "selection":
         label = f"cameras {label}"
-    pss = result.assessments[step].predicted[result.noise_models[-1]].pss_single_frame
+    pss = result.assessments[step].predicted[result.shown_model].pss_single_frame
     return f"{label}, PSS of C {pss:,.0f} /m"
 
 

@@ -54,7 +54,7 @@ def walk_figure(result: ScheduleResult) -> Figure:
         axes.set_title(f"strategy (1), y of {result.held.design.stage.names[0]} = {where}")
         for_print(axes)
         tops.append(axes)
-    print_colour_scale(above, tops, norm, result.noise_models[-1])
+    print_colour_scale(above, tops, norm, result.shown_model)
     panels = below.subplots(1, 2, sharey=True)
     for axes, strategies in zip(panels, PANELS, strict=True):
         draw_panel(axes, result, list(strategies), KIND)

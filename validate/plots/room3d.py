@@ -64,7 +64,7 @@ def colour_scale(figure: Figure | SubFigure, above: Sequence[Axes], norm: LogNor
 
 
 def _sigma_mm(result: SweepResult, step: int) -> Floats:
-    return result.assessments[step].predicted[result.noise_models[-1]].single_frame_sigma_m * 1000
+    return result.assessments[step].predicted[result.shown_model].single_frame_sigma_m * 1000
 
 
 def draw_configuration(
@@ -101,7 +101,7 @@ def draw_configuration(
         axes.plot(*place, "o", color=colour, ms=2 * SIGN_PT, mec="white", mew=0.5, zorder=SIGNS)
         names.append(Name(camera.name, (float(place[0]), float(place[1])), colour, (0.0, 1.0)))
     names_beside(axes, grouped(names, 1e-6, "0.25"), NAME_PT, SIGN_PT)
-    pss = result.assessments[step].predicted[result.noise_models[-1]].pss_single_frame
+    pss = result.assessments[step].predicted[result.shown_model].pss_single_frame
     axes.set_title(f"{configuration.label}   PSS of C = {pss:,.0f} /m", fontsize=11)
     return eye
 

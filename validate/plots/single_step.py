@@ -32,7 +32,7 @@ def measurement_figure(result: SweepResult) -> Figure:
     space = figure.add_subplot(grid[0, 0])
     draw_configuration(space, result, 0, norm)
     space.set_title("predicted √λmax of C", fontsize=11)
-    colour_scale(figure, [space], norm, shrink=0.7, pad=0.02, aspect=30).set_label(f"mm ({result.noise_models[-1]})")
+    colour_scale(figure, [space], norm, shrink=0.7, pad=0.02, aspect=30).set_label(f"mm ({result.shown_model})")
     draw_plan(figure.add_subplot(grid[0, 1]), result)
     draw_errors(figure.add_subplot(grid[1, :]), result)
     return figure

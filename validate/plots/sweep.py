@@ -138,7 +138,7 @@ def sweep_figure(result: SweepResult) -> Figure:
         axes.set_title(f"{words}: {_title(result, step)}", fontsize=11)
         tops.append(axes)
     bar = colour_scale(figure, tops, norm, shrink=0.7, pad=0.02, aspect=30)
-    bar.set_label(f"predicted √λmax of C in mm ({result.noise_models[-1]}); grey: unobservable")
+    bar.set_label(f"predicted √λmax of C in mm ({result.shown_model}); grey: unobservable")
     draw_curves(figure.add_subplot(grid[1, 0]), result, single_frame=True)
     found = slopes_of(result) if result.plan.sweep.varies_scene else None
     if found is not None and found.points:
@@ -156,7 +156,7 @@ def shown_steps(result: SweepResult) -> dict[int, str]:
     """
     if len(result.configurations) == 1:
         return {0: "the only step"}
-    for curve in (trend(result, True), trend(result, True, result.noise_models[-1])):
+    for curve in (trend(result, True), trend(result, True, result.shown_model)):
         best = optimum(curve.values)
         if best is not None:
             highest, lowest = ("highest", "lowest") if curve.flat else ("best", "worst")
@@ -167,7 +167,7 @@ def shown_steps(result: SweepResult) -> dict[int, str]:
 
 def _title(result: SweepResult, step: int) -> str:
     measured = result.measured_pss(True)[step]
-    predicted = result.predicted_pss(result.noise_models[-1], True)[step]
+    predicted = result.predicted_pss(result.shown_model, True)[step]
     label = shortened(result.configurations[step].label, 2 * LONGEST_LABEL)
     return f"{label}\nPSS of C: measured {written(measured, 3)} /m, predicted {written(predicted, 3)} /m"
 

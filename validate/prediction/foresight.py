@@ -22,6 +22,7 @@ from pss.visibility.targets import (
 from render.light.estimated_light import estimated_appearance
 from scenes import Scene
 from validate.markers.darkness import white_irradiance
+from validate.prediction.contenders import shown_model
 from validate.prediction.own_metrics import OwnScores, own_scores
 from validate.prediction.predict import exposed, predict
 from validate.runs.table_text import written
@@ -105,8 +106,8 @@ class Foreseen:
 
     @property
     def shown_model(self) -> str:
-        """The noise model whose σ is shown marker by marker: the scene's last, as in the figures."""
-        return self.scene.noise_models[-1].name
+        """The noise model whose σ is shown marker by marker, as in the figures."""
+        return shown_model([model.name for model in self.scene.noise_models])
 
 
 def foresee(scene: Scene) -> Foreseen:

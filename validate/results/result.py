@@ -19,6 +19,7 @@ from validate.pages.data import sweep_tables
 from validate.pages.stored import REPORT
 from validate.plots import sweep as figures
 from validate.points.error_budget import ErrorBudget
+from validate.prediction.contenders import judged, listed_contenders
 from validate.results.report import of_results, source_of_report, write_report
 from validate.results.request import RunRequest
 from validate.runs.folder_lock import alone_in
@@ -164,6 +165,7 @@ class RunResult(RunTables):
                 "options": as_options(dataclasses.asdict(request)),
                 "sweeps": {plan.sweep.name: plan.sweep.resolved() for plan in plans},
                 "scenes": {plan.sweep.name: plan.scene.resolved() for plan in plans},
+                "predicted_with": {plan.sweep.name: judged(listed_contenders(plan.scene)) for plan in plans},
                 "seeds": {plan.sweep.name: plan.sweep.seed for plan in plans},
                 "renderer": source.renderer,
                 "versions": versions(),

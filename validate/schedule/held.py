@@ -19,11 +19,18 @@ from render.random_streams import random_stream
 from scenes import Scene
 from scenes.steps.schedule_file import ScheduleFile
 from validate.acquire.acquire import Acquired, Acquisition
-from validate.bank.judge import CALIBRATED_LIMITS, FULL_MODEL, PHYSICAL_WHOLE, SCALED, scene_contenders
-from validate.bank.predicted import Contender
 from validate.points.configuration import Measured, measure_configuration
 from validate.points.static_filter import Tracked
 from validate.points.triangulate import Triangulated
+from validate.prediction.contenders import (
+    CALIBRATED_LIMITS,
+    FULL_MODEL,
+    PHYSICAL_WHOLE,
+    SCALED,
+    Contender,
+    own_models,
+    scene_contenders,
+)
 from validate.prediction.process_levels import Level
 from validate.schedule.process_noise import (
     RULED_BY,
@@ -40,7 +47,17 @@ from validate.stats.measured_errors import MeasuredErrors
 from validate.sweeps.assessment import Assessment
 from validate.sweeps.rows import pooled
 
-__all__ = ["MODELS", "Design", "Held", "HeldStep", "assess_held", "design_of", "predicted_at", "training_levels"]
+__all__ = [
+    "MODELS",
+    "Design",
+    "Held",
+    "HeldStep",
+    "assess_held",
+    "design_of",
+    "held_contenders",
+    "predicted_at",
+    "training_levels",
+]
 
 
 # What is judged: the paper's two readings as they are and scaled, what needs no fit, and what was calibrated on other
@@ -55,6 +72,13 @@ MODELS = (
     CALIBRATED_LIMITS,
     FULL_MODEL,
 )
+
+
+def held_contenders(scene: Scene, calibration: Calibration) -> list[Contender]:
+    """What is judged in a scene: those of `MODELS`, then the models of the scene's own file."""
+    names = (*MODELS, *(model.name for model in own_models(scene)))
+    of_scene = {each.name: each for each in scene_contenders(scene, calibration)}
+    return [of_scene[name] for name in names if name in of_scene]
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +184,7 @@ def _assess_step(
     requested = [views[step] for views in design.views]
     different = list(dict.fromkeys(requested))
     cameras = [tuple(item.request.camera for item in views) for views in different]
-    contenders = [c for c in scene_contenders(scene, calibration) if c.name in MODELS]
+    contenders = held_contenders(scene, calibration)
     predicted = {
         name: {c.name: predicted_at(scene, cameras, c, marker_appearance, markers) for c in contenders}
         for name, markers in groups.items()

@@ -11,9 +11,8 @@ from pss.noise import Calibration
 from render.keys import state_key
 from render.random_streams import random_stream
 from validate.acquire.acquire import Acquired
-from validate.bank.judge import scene_contenders
 from validate.points.configuration import measure_configuration
-from validate.schedule.held import Held, predicted_at
+from validate.schedule.held import Held, held_contenders, predicted_at
 from validate.schedule.process_noise import inverse_sigma, measured_inverse, predicted_inverse
 from validate.schedule.results import HEADLINE_KIND, KINDS, Curves, ScheduleResult
 from validate.stats.measured_errors import MeasuredErrors
@@ -71,7 +70,7 @@ def own_cameras(
     for step, scene in enumerate(design.scenes):
         state, steered = scene.state, design.runs[run].steered
         appearance = acquired.appearances[state_key(state)]
-        contenders = [c for c in scene_contenders(scene, calibration) if c.name in result.noise_models]
+        contenders = held_contenders(scene, calibration)
         together = np.full((design.schedule.spec.trials, len(both), 3), np.nan)
         for name, markers in groups.items():
             mine = [c for c, assigned in enumerate(steered.assignments[step]) if assigned == name]

@@ -16,7 +16,8 @@ import numpy as np
 from pss.hints import Floats
 from render.random_streams import random_stream
 from scenes import Configuration
-from validate.schedule.held import MODELS, Held
+from validate.prediction.contenders import FULL_MODEL
+from validate.schedule.held import Held
 from validate.schedule.process_noise import headline_of_walk, inverse_sigma
 from validate.stats.flatness import EXCHANGES
 from validate.sweeps.assessment import Assessment
@@ -61,7 +62,12 @@ class ScheduleResult(SweepResult):
     @property
     def noise_models(self) -> tuple[str, ...]:
         """What was judged."""
-        return tuple(model for model in MODELS if model in self.assessments[0].predicted)
+        return tuple(self.assessments[0].predicted)
+
+    @property
+    def shown_model(self) -> str:
+        """The noise model that figures show: the one with all that was calibrated."""
+        return FULL_MODEL
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -170,8 +176,7 @@ def _replicates(held: Held, assessments: tuple[Assessment, ...], avatar: str) ->
     errors = [a.measured.errors for a in assessments]
     predicted = {
         model: np.array([inverse_sigma(a.predicted[model], single_frame=True) for a in assessments])
-        for model in MODELS
-        if model in assessments[0].predicted
+        for model in assessments[0].predicted
     }
     rng = random_stream(held.design.schedule.spec.seed, avatar, "schedule intervals")
     first = sweep_replicates(errors, next(iter(predicted.values())), rng, REPLICATES)

@@ -21,6 +21,10 @@ from validate.schedule.tracker import Tracking
 __all__ = ["Run", "limit_name", "motor_limits", "plan_of", "steered_runs", "step_views", "strategies_of", "tracking_of"]
 
 
+# The R of the PSS that strategies steer by. It needs no appearance: nothing is known of how the people look.
+STEERED_BY = "corrected"
+
+
 @dataclass(frozen=True, eq=False)
 class Run:
     """One strategy under one zoom limit (None: none), and the settings that the cameras reached."""
@@ -69,6 +73,7 @@ def plan_of(schedule: ScheduleFile, stage: Stage, zoom_limit: float | None) -> P
         limits=motor_limits(schedule.spec.motors, zoom_limit),
         step_s=stage.walk.step_s,
         radius_m=schedule.spec.target.radius_m,
+        noise=stage.scene.noise_model(STEERED_BY),
         process=stage.scene.process,
         seed=schedule.spec.seed,
     )

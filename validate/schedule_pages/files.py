@@ -18,14 +18,13 @@ from render.store.light import baked
 from render.store.remote import open_store
 from scenes.steps.schedule_file import load_schedule
 from validate.acquire.acquire import Acquisition
-from validate.bank.judge import scene_contenders
 from validate.markers.view_measurement import ViewMeasurement
 from validate.pages.gltf import write_models
 from validate.pages.images import pictures_of
 from validate.pages.named import Given
 from validate.pages.stored import REPORT, stored_measurements
 from validate.runs.run_file import listed, needed, option
-from validate.schedule.held import MODELS, Design, design_of, predicted_at
+from validate.schedule.held import Design, design_of, held_contenders, predicted_at
 from validate.schedule.own_strategy import own_strategy
 from validate.schedule.results import ScheduleResult
 from validate.schedule.runs import limit_name, steered_runs
@@ -147,7 +146,7 @@ def _predictions(
     for step, scene in enumerate(design.scenes):
         cameras = [design.runs[run].steered.cameras[step] for run, at in found.places if at == step]
         look = lit_scene.appearance(scene.state, baked(scene.state, store, chosen))
-        contenders = [c for c in scene_contenders(scene, calibration) if c.name in MODELS]
+        contenders = held_contenders(scene, calibration)
         of_models = {c.name: predicted_at(scene, cameras, c, look, markers) for c in contenders}
         predictions += _by_step(of_models, len(cameras))
     return tuple(predictions)

@@ -16,6 +16,7 @@ from render.random_streams import random_stream
 from scenes import Configuration, Scene, SweepFile
 from validate.acquire.acquire import Acquired, Acquisition, views_of
 from validate.markers.view_measurement import ViewMeasurement
+from validate.prediction.contenders import shown_model
 from validate.prediction.own_metrics import OwnScores, own_metrics, own_scores
 from validate.stats.flatness import exchanged_ranges
 from validate.sweeps.assessment import Assessment, assess
@@ -65,6 +66,11 @@ class SweepResult:
     def noise_models(self) -> tuple[str, ...]:
         """Names of the noise models, in the scene's order."""
         return tuple(model.name for model in self.plan.scene.noise_models)
+
+    @property
+    def shown_model(self) -> str:
+        """The noise model that figures show."""
+        return shown_model(self.noise_models)
 
     @cached_property
     def exchanged_ranges(self) -> Floats:

@@ -23,7 +23,7 @@ from scenes import Scene
 from scenes.markers.suit import ids_on
 from scenes.steps.schedule_file import ScheduleFile
 from validate.acquire.acquire import Acquired, Acquisition
-from validate.bank.judge import FULL_MODEL, scene_contenders
+from validate.prediction.contenders import FULL_MODEL, scene_contenders
 from validate.schedule.runs import plan_of, step_views, tracking_of
 from validate.schedule.stage import BOTH, Stage
 from validate.schedule.steering import Steered, steer

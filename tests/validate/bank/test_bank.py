@@ -18,11 +18,12 @@ from validate.bank.design import BankDesign, detection_views, draw_configuration
 from validate.bank.differences import METRICS_OF_R, difference_rows
 from validate.bank.leaderboard import CountVerdict, leaderboard, measures
 from validate.bank.measured import BankData, measure_all
-from validate.bank.predicted import Contender, GivenCovariance, PredictionTask, predict_all
+from validate.bank.predicted import GivenCovariance, PredictionTask, predict_all
 from validate.bank.sensitivity import variants
 from validate.bank.size_bins import BINS, size_rows
 from validate.bank.subpixel_shifts import LARGEST_TURN_PX, carried_back, joined, turned
 from validate.markers.view_measurement import ViewMeasurement
+from validate.prediction.contenders import Contender
 from validate.stats.consistency import anisotropy, crossed_mean, of_errors, sandwich
 from validate.stats.ranking import Resamples, judge_against, partial, top_hits
 from validate.stats.regret import Choices, Picked, Regrets, numbers_of

@@ -16,8 +16,9 @@ from tests.conftest import ROOM_FILE
 from validate.acquire.acquire import Acquired
 from validate.bank.design import BankDesign, held_out_views
 from validate.bank.detected import detection_rows, reliability_rows
-from validate.bank.judge import FULL_MODEL, detection_of, predictions, scene_contenders
+from validate.bank.judge import detection_of, predictions
 from validate.bank.measured import BankData
+from validate.prediction.contenders import FULL_MODEL, scene_contenders
 
 RAMP = {"constant": 5.0, "size": 1.7, "blur": 4.0, "signal": 5.0, "incidence": 0.0, "lapse": 0.0}
 

@@ -13,7 +13,7 @@ from pss.noise import Calibration
 from pss.noise.table import SHIPPED_CALIBRATION
 from tests.helpers.drawn_pixels import acquired_of
 from validate import run_sweep
-from validate.bank import acquire as prepare
+from validate.acquire.source import ViewSource
 from validate.bank.design import BankDesign, held_out_views
 from validate.commands import bank
 from validate.runs.csv_file import read_csv
@@ -31,11 +31,11 @@ def judged(tmp_path, monkeypatch):
     """Judge with a calibration's file in the studio, from drawn detections: tables, run.json, and the views wanted."""
     requested_views = []
 
-    def acquire(items, *_):
+    def acquire(self, items):
         requested_views.extend(items)
         return acquired_of([(scenes.load(SCENES / "studio.toml"), list(items))])
 
-    monkeypatch.setattr(prepare, "acquire", acquire)
+    monkeypatch.setattr(ViewSource, "acquire", acquire)
     monkeypatch.setattr(bank, "COUNTS", (bank.HEADLINE,))
 
     def judge(file, *more):

@@ -13,8 +13,9 @@ from validate.bank.design import BankDesign, draw_configurations, held_out_views
 from validate.bank.filtered import filter_all
 from validate.bank.leaderboard import CountVerdict
 from validate.bank.measured import BankData, measure_all
-from validate.bank.predicted import Contender, GivenCovariance, PredictionTask, predict_all
+from validate.bank.predicted import GivenCovariance, PredictionTask, predict_all
 from validate.bank.process_noise import filter_terms, information_of, process_rows, steady_covariances
+from validate.prediction.contenders import Contender
 from validate.prediction.process_levels import STEPS_M, headline_of, levels_about, nearest
 from validate.stats.intervals import weighted_spearman
 

@@ -14,17 +14,14 @@ from pss.noise.calibrated import Calibration
 from pss.visibility.points import VISIBILITY_TESTS
 from pss.visibility.targets import TARGET_VISIBILITY
 from scenes import SceneError
-from validate.bank.judge import FREE_MODELS, check_models, judged, requested_pairs, scene_contenders
+from validate.bank.judge import requested_pairs
 from validate.bank.sensitivity import variants
-from validate.commands import bank, schedule
-from validate.commands.calibration_error import without_effect
-from validate.commands.options import RunOptions, StepOptions
-from validate.commands.subcommands import Bank, Schedule
+from validate.commands.calibration_error import check_keys
+from validate.prediction.contenders import FREE_MODELS, judged, scene_contenders
 
 ROOT = Path(__file__).parents[3]
 CALIBRATION = Calibration.from_file(ROOT / "results" / "reference" / "bank" / "calibrated.toml")
 ROUNDING = 1e-12
-PHYSICAL_ALONE = 'noise.models=["physical"]'
 
 
 def load(name="room", *overrides):
@@ -39,14 +36,13 @@ def contenders(scene):
 def test_the_shipped_scenes_are_judged_as_ever(name):
     """R with the sensor's own dark noise and nothing else, and the paper's visibility."""
     scene = load(name)
-    check_models(scene, "bank", FREE_MODELS)
     found = contenders(scene)
     for model in FREE_MODELS:
         expected = noise_model(model, sensor=scene.sensor, ccd_noise=scene.sensor.ccd_noise)
         assert repr(found[model].noise) == repr(expected)
         assert found[model].visibility == VISIBILITY_TESTS
     assert found["calibrated R"].visibility == VISIBILITY_TESTS
-    assert without_effect(scene) == []
+    check_keys(scene)
 
 
 def test_factors_and_scale_of_the_file_count():
@@ -94,39 +90,15 @@ def test_visibility_of_the_file_counts():
     assert reported["as-printed"]["noise"] == ["distance-incidence", "resolution", "defocus"]
 
 
-def test_a_list_of_models_that_is_not_compared_is_refused():
-    """Each command's tables need all three; in another order, or with identity beside them, they are the same."""
-    for models in ('["physical", "corrected", "as-printed"]', '["as-printed", "corrected", "physical", "identity"]'):
-        check_models(load("room", f"noise.models={models}"), "bank", FREE_MODELS)
+def test_calibration_error_refuses_what_it_cannot_obey():
+    """It judges the one model that it fits."""
+    check_keys(load("room", 'noise.models=["identity", "calibrated"]'))
     with pytest.raises(SceneError) as refused:
-        check_models(load("room", PHYSICAL_ALONE), "bank", FREE_MODELS)
-    assert str(refused.value).endswith(
-        'room.toml: noise.models = ["physical"]; allowed with bank, whose tables compare all of these: '
-        '["as-printed", "corrected", "physical"], in any order'
-    )
-
-
-def test_commands_refuse_before_they_render(tmp_path):
-    """The bank and the schedule, with the name of each."""
-    shared = RunOptions(store=str(tmp_path / "store"), set=(PHYSICAL_ALONE,), dry_run=True)
-    with pytest.raises(SceneError, match=r"allowed with bank"):
-        bank.execute(Bank(out=tmp_path / "bank", run=shared))
-    of_run = StepOptions(**vars(shared))
-    with pytest.raises(SceneError, match=r"allowed with schedule"):
-        schedule.execute(Schedule("hallway", out=tmp_path / "walk", run=of_run))
-    assert not list(tmp_path.iterdir())
-
-
-def test_calibration_error_names_what_has_no_effect():
-    """It judges the calibrated model alone."""
-    scene = load(
-        "room", 'noise.models=["physical", "corrected"]', 'noise.switched_off=["defocus"]', 'metric.visibility="target"'
-    )
-    [line] = without_effect(scene)
-    for key in (
-        'noise.models = ["physical", "corrected"]',
-        'noise.switched_off = ["defocus"]',
-        'metric.visibility = "target"',
-    ):
+        check_keys(
+            load("room", 'noise.switched_off=["defocus"]', "noise.weights={resolution=2.0}", "metric.visibility=target")
+        )
+    [line] = refused.value.problems
+    for key in ('noise.switched_off = ["defocus"]', 'noise.weights = {"resolution": 2.0}', '.visibility = "target"'):
         assert key in line
     assert "px2_per_m2" not in line
+    assert "noise.models" not in line

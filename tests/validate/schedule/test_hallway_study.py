@@ -25,10 +25,10 @@ from scenes import SceneError
 from scenes.steps.schedule_file import SURROGATES, load_schedule
 from tests.helpers.drawn_pixels import LIMITS, TRIALS, acquired_of, appearance, levels_at
 from validate.acquire.acquire import Acquired
-from validate.bank.judge import PHYSICAL_WHOLE
 from validate.commands import schedule as command
 from validate.commands.schedule import own_strategy
 from validate.commands.subcommands import Schedule
+from validate.prediction.contenders import PHYSICAL_WHOLE
 from validate.schedule.agreement import ALL_RUNS, agreement_rows
 from validate.schedule.claims import claim_rows
 from validate.schedule.held import assess_held, design_of, training_levels
