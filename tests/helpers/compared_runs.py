@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from validate.sweeps.rows import write_csv
+from validate.runs.tables import write_csv
 
 MODELS = ("as-printed", "physical")
 STEPS = ("1", "2", "4")

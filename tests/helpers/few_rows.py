@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from validate.sweeps.rows import write_csv
+from validate.runs.tables import write_csv
 
 
 def a_run(folder, exposure_ms=4.0, pss=(100.0, 200.0), names=("zoom=1", "zoom=2"), zoom=3.0):

@@ -18,6 +18,7 @@ from validate.acquire.acquire import Acquired, Acquisition
 from validate.markers.view_measurement import ViewMeasurement
 from validate.pages.data import read_sweeps
 from validate.results.report import of_results, write_report
+from validate.runs.tables import write_csv
 from validate.sweeps import claims, correlation, optima, single_step
 from validate.sweeps import rows as tables
 from validate.sweeps.sweep import SweepResult, assess_sweep, plan
@@ -69,7 +70,7 @@ def made_up_run(
         ("measurement", [row for r in results for row in single_step.measurement_rows(r)]),
         ("optima", [row for r in results for row in optima.optimum_rows(r)]),
     ):
-        tables.write_csv(out / f"{name}.csv", rows)
+        write_csv(out / f"{name}.csv", rows)
     write_report(out, read_sweeps(out), of_results(results, acquired.measured), store)
     return results, acquired, store
 

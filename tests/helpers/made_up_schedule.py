@@ -16,6 +16,7 @@ from render.store.views import save_view
 from scenes.steps.schedule_file import load_schedule
 from tests.helpers.drawn_pixels import acquired_of, levels_at
 from tests.helpers.made_up_run import CERTIFICATE, made_up_view
+from validate.runs.tables import write_csv
 from validate.schedule.agreement import agreement_rows
 from validate.schedule.claims import claim_rows
 from validate.schedule.held import assess_held, design_of
@@ -29,7 +30,7 @@ from validate.schedule.strategy_ranking import ranking_rows, strategy_rows
 from validate.schedule_pages.files import of_schedule, write_schedule_report
 from validate.schedule_pages.tables import read_schedule
 from validate.sweeps.correlation import correlation_rows
-from validate.sweeps.rows import detection_rows, view_rows, write_csv
+from validate.sweeps.rows import detection_rows, view_rows
 
 __all__ = ["STEPS", "made_up_schedule"]
 

@@ -47,12 +47,12 @@ from validate.prediction.contenders import (
 from validate.prediction.frozen import FrozenCalibration, leave, provenance_of, read_frozen
 from validate.prediction.process_levels import Level
 from validate.runs.console import Console
-from validate.runs.csv_rows import read_tables
+from validate.runs.csv_file import read_tables
 from validate.runs.exit_codes import EXIT_DONE
 from validate.runs.outputs import check_folders
 from validate.runs.progress import clock
 from validate.runs.run_file import write_run
-from validate.sweeps.rows import write_csv
+from validate.runs.tables import write_csv
 
 __all__ = ["execute"]
 

@@ -29,7 +29,7 @@ from validate.plots.calibration_error import draw
 from validate.prediction.contenders import noise_models, own_models, visibilities
 from validate.runs.console import Console
 from validate.runs.outputs import check_folders
-from validate.sweeps.rows import write_csv
+from validate.runs.tables import write_csv
 
 __all__ = ["check_keys", "execute"]
 

@@ -25,7 +25,7 @@ from validate.runs.folder_lock import alone_in
 from validate.runs.outputs import check_folders
 from validate.runs.progress import ViewProgress, clock
 from validate.runs.run_file import write_run
-from validate.sweeps.rows import write_csv
+from validate.runs.tables import write_csv
 
 __all__ = ["execute"]
 

@@ -27,7 +27,7 @@ from validate.runs.exit_codes import EXIT_DONE
 from validate.runs.outputs import check_folders, linked_views
 from validate.runs.progress import clock
 from validate.runs.run_file import as_options, write_run
-from validate.runs.tables import as_written
+from validate.runs.tables import as_written, write_csv
 from validate.runs.versions import versions
 from validate.schedule.agreement import ALL_RUNS, agreement_rows
 from validate.schedule.claims import claim_rows
@@ -44,7 +44,7 @@ from validate.schedule.training import calibrate_hallway, training_views
 from validate.schedule_pages.files import of_schedule, write_schedule_report
 from validate.schedule_pages.tables import schedule_table
 from validate.sweeps.correlation import correlation_rows
-from validate.sweeps.rows import detection_rows, timing_rows, view_rows, write_csv
+from validate.sweeps.rows import detection_rows, timing_rows, view_rows
 from validate.tracked_walk.files import write_real_walk
 from validate.tracked_walk.frames import real_walk_of, track_real_walk
 from validate.tracked_walk.requested_views import RequestedViews

@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterator, Sequence
 
 from pss.hints import ReadOnlyRow
-from validate.runs.table_text import written
+from validate.runs.numbers import value_text
 
-__all__ = ["cell", "cells", "value_text"]
+__all__ = ["cell", "cells"]
 
 
 def cells(row: ReadOnlyRow, labels: Sequence[str], what: str) -> Iterator[str]:
@@ -24,13 +24,3 @@ def cell(row: ReadOnlyRow, name: str) -> str:
     value, low, high = (row.get(key, math.nan) for key in (name, f"{name}_ci_low", f"{name}_ci_high"))
     assert isinstance(value, float)
     return value_text((value, low, high) if isinstance(low, float) and isinstance(high, float) else (value,))
-
-
-def value_text(values: Sequence[float]) -> str:
-    """A value, or a value with the limits of its interval, to three digits; "" for nan."""
-    if math.isnan(values[0]):
-        return ""
-    interval = (
-        "" if len(values) < 3 or math.isnan(values[1]) else f" [{written(values[1], 3)}, {written(values[2], 3)}]"
-    )
-    return written(values[0], 3) + interval

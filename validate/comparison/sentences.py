@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pss.hints import Floats
-from validate.comparison.cells import value_text
 from validate.comparison.matching import QUANTITIES, matched
 from validate.comparison.series import Group, Series, leading, same_measurement
 from validate.comparison.sides import Side
+from validate.runs.numbers import signed_range, value_text
 
 __all__ = [
     "Finding",
@@ -256,8 +256,8 @@ def _ranked(
 
     first, other = (limits(side.label) for side in pair)
     difference = limits(f"{pair[1].label}_difference")
-    sentence = f"ρ is {_signed(other)} for {names[1]} and {_signed(first)} for {names[0]}"
-    sentence += f", a difference of {_signed(difference)}"
+    sentence = f"ρ is {signed_range(other)} for {names[1]} and {signed_range(first)} for {names[0]}"
+    sentence += f", a difference of {signed_range(difference)}"
     losses = ""
     if regret is not None:
         lost = [float(str(regret.get(side.label, math.nan))) for side in reversed(pair)]
@@ -274,11 +274,6 @@ def _ranked(
         return Finding(about, "no", f"They are not distinguishable: {sentence}.{losses}")
     better, worse = (names[1], names[0]) if difference[0] > 0 else (names[0], names[1])
     return Finding(about, "yes", f"The prediction of {better} ranks better than that of {worse}: {sentence}.{losses}")
-
-
-def _signed(values: tuple[float, float, float]) -> str:
-    interval = "" if math.isnan(values[1]) else f" [{values[1]:+.2f}, {values[2]:+.2f}]"
-    return f"{values[0]:+.2f}{interval}".replace("-", "−")
 
 
 def headline(findings: Sequence[Finding], none_shown: str) -> str:

@@ -25,7 +25,8 @@ from validate.findings.size_tables import (
     scale_table,
     sensitivity_table,
 )
-from validate.runs.csv_rows import Tables, first_of, folded
+from validate.runs.csv_file import Tables, first_of
+from validate.runs.table_text import folded
 
 __all__ = ["bank_findings", "bank_tables"]
 

@@ -10,7 +10,9 @@ from validate.findings.calibration_error import calibration_error_sentences
 from validate.findings.contenders import CALIBRATED, contenders_in
 from validate.findings.places import COUNT, FILTER, HEADLINE, SHARE, SINGLE_FRAME, Place, places_of_reference
 from validate.findings.six_rows import six_rows
-from validate.runs.csv_rows import NOTHING, all_of, markdown_table, number, percent, read_tables, with_range
+from validate.runs.csv_file import all_of, read_tables
+from validate.runs.numbers import NOTHING, number, percent, with_range
+from validate.runs.table_text import markdown_table
 
 __all__ = ["BANK_BLOCKS"]
 

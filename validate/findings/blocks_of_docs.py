@@ -9,7 +9,8 @@ from pathlib import Path
 from pss.hints import CsvRow
 from validate.findings.places import places_of_reference
 from validate.findings.process import SCENES_STEP_MM
-from validate.runs.csv_rows import NOTHING, all_of, number, read_tables, value_of
+from validate.runs.csv_file import all_of, read_tables, value_of
+from validate.runs.numbers import NOTHING, number
 
 __all__ = ["DOCS_BLOCKS"]
 

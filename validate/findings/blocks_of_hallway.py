@@ -7,7 +7,8 @@ from pathlib import Path
 
 from pss.hints import CsvRow
 from validate.findings.blocks_of_sweeps import table_text
-from validate.runs.csv_rows import all_of, number, read_tables, with_range
+from validate.runs.csv_file import all_of, read_tables
+from validate.runs.numbers import number, with_range
 
 __all__ = ["HALLWAY_BLOCKS"]
 

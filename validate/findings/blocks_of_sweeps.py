@@ -8,7 +8,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from pss.hints import CsvRow
-from validate.runs.csv_rows import all_of, number, one_of, percent, read_tables, with_range
+from validate.runs.csv_file import all_of, one_of, read_tables
+from validate.runs.numbers import number, percent, with_range
 
 __all__ = ["SWEEP_BLOCKS", "table_text"]
 

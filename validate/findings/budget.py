@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pss.hints import CsvRow
-from validate.runs.csv_rows import all_of
+from validate.runs.csv_file import all_of
 
 __all__ = ["budget_findings"]
 

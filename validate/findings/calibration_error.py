@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pss.hints import CsvRow
-from validate.runs.csv_rows import with_range
+from validate.runs.numbers import with_range
 
 __all__ = ["LOST", "calibration_error_findings", "calibration_error_sentences"]
 

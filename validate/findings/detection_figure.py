@@ -11,7 +11,7 @@ from validate.findings.curves import Curve, draw_curves, label_below, panels_of
 from validate.findings.forest import FONT_PT, style
 from validate.findings.places import Place
 from validate.findings.size_tables import share_found
-from validate.runs.csv_rows import value_of
+from validate.runs.csv_file import value_of
 from validate.runs.palette import REFERENCE
 
 __all__ = ["detection_curves", "detection_figure"]

@@ -6,7 +6,9 @@ import statistics
 from collections.abc import Sequence
 
 from pss.hints import CsvRow
-from validate.runs.csv_rows import NOTHING, all_of, markdown_table, number
+from validate.runs.csv_file import all_of
+from validate.runs.numbers import NOTHING, number
+from validate.runs.table_text import markdown_table
 
 __all__ = ["factor_findings"]
 

@@ -21,7 +21,7 @@ from validate.findings.process_figure import COUNTED_BY, SHARE, headline_levels,
 from validate.findings.sigma_figure import SIGMA_AXIS, sigma_rows
 from validate.findings.size_figure import size_curves, size_figure
 from validate.plots.drawing import plt
-from validate.runs.csv_rows import all_of, bounds, first_of
+from validate.runs.csv_file import all_of, bounds, first_of
 from validate.runs.palette import DARK_INK
 
 __all__ = ["DIGEST", "Drawing", "drawings_of", "write_pdf", "write_svg"]

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from pss.hints import CsvRow
 from validate.findings.contenders import Contender
 from validate.plots.drawing import plt
-from validate.runs.csv_rows import bounds
+from validate.runs.csv_file import bounds
 from validate.runs.palette import DARK_INK, FINDINGS_BAND, FINDINGS_GRID, FRAME, REFERENCE, WELCOME_BAND
 
 __all__ = ["INDENT", "Axis", "Mark", "Panel", "columns_for", "forest", "mark_of", "power_of_ten", "scale_axis", "style"]

@@ -9,7 +9,9 @@ import statistics
 from collections.abc import Iterable, Sequence
 
 from pss.hints import CsvRow
-from validate.runs.csv_rows import NOTHING, Tables, all_of, markdown_table, number, one_of, percent, with_range
+from validate.runs.csv_file import Tables, all_of, one_of
+from validate.runs.numbers import NOTHING, number, percent, with_range
+from validate.runs.table_text import markdown_table
 
 __all__ = ["hallway_findings"]
 

@@ -13,7 +13,8 @@ from validate.findings.hallway import hallway_findings
 from validate.findings.places import places_of_reference
 from validate.findings.sentences import with_population
 from validate.findings.summary import summary_table
-from validate.runs.csv_rows import folded, read_tables
+from validate.runs.csv_file import read_tables
+from validate.runs.table_text import folded
 
 __all__ = ["findings_page"]
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from pss.hints import CsvRow
-from validate.runs.csv_rows import Tables, all_of, first_of, read_tables
+from validate.runs.csv_file import Tables, all_of, first_of, read_tables
 
 __all__ = ["COUNT", "FILTER", "HEADLINE", "SHARE", "SINGLE_FRAME", "Place", "places_of_bank", "places_of_reference"]
 

@@ -8,16 +8,9 @@ from collections.abc import Sequence
 from pss.hints import CsvRow
 from validate.findings.contenders import CALIBRATED, PHYSICAL, contenders_in
 from validate.findings.places import COUNT, FILTER, SHARE, Place
-from validate.runs.csv_rows import (
-    NOTHING,
-    all_of,
-    bounds,
-    first_of,
-    in_powers,
-    markdown_table,
-    number,
-    value_of,
-)
+from validate.runs.csv_file import all_of, bounds, first_of, value_of
+from validate.runs.numbers import NOTHING, in_powers, number
+from validate.runs.table_text import markdown_table
 
 __all__ = [
     "COUNTED_BY",

@@ -14,7 +14,7 @@ from validate.findings.curves import Curve, draw_curves, label_below, legend_bel
 from validate.findings.forest import FONT_PT, power_of_ten, scale_axis, style
 from validate.findings.places import COUNT, Place
 from validate.findings.process import MOTIONS
-from validate.runs.csv_rows import all_of, bounds, first_of, value_of
+from validate.runs.csv_file import all_of, bounds, first_of, value_of
 from validate.runs.palette import DARK_INK, REFERENCE
 
 __all__ = ["SHARE", "headline_levels", "process_curves", "process_figure"]

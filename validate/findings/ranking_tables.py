@@ -8,15 +8,9 @@ from pss.hints import CsvRow
 from validate.findings.contenders import contenders_in
 from validate.findings.places import COUNT, FILTER, HEADLINE, SHARE, SINGLE_FRAME, Place
 from validate.findings.process import COUNTED_BY, MOTIONS, at_headline, at_the_scenes
-from validate.runs.csv_rows import (
-    NOTHING,
-    all_of,
-    bounds,
-    markdown_table,
-    number,
-    percent_with_range,
-    value_of,
-)
+from validate.runs.csv_file import all_of, bounds, value_of
+from validate.runs.numbers import NOTHING, number, percent_with_range
+from validate.runs.table_text import markdown_table
 
 __all__ = ["ceiling_table", "count_table", "difference_table", "neutral_table", "ranking_table", "regret_table"]
 

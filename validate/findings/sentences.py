@@ -23,16 +23,8 @@ from validate.findings.process import (
     level_words,
     ratio_words,
 )
-from validate.runs.csv_rows import (
-    all_of,
-    bounds,
-    in_powers,
-    number,
-    percent_with_range,
-    signed,
-    value_of,
-    with_range,
-)
+from validate.runs.csv_file import all_of, bounds, value_of
+from validate.runs.numbers import in_powers, number, percent_with_range, signed, with_range
 
 __all__ = [
     "DIFFERENCE",

@@ -25,7 +25,9 @@ from validate.findings.sentences import (
     neutral_row,
     with_ends,
 )
-from validate.runs.csv_rows import NOTHING, bounds, markdown_table, number, percent_with_range, read_tables, value_of
+from validate.runs.csv_file import bounds, read_tables, value_of
+from validate.runs.numbers import NOTHING, number, percent_with_range
+from validate.runs.table_text import markdown_table
 
 __all__ = ["six_rows"]
 

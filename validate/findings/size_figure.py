@@ -12,7 +12,7 @@ from validate.findings.contenders import contenders_in
 from validate.findings.curves import Curve, draw_curves, label_below, legend_below, panels_of
 from validate.findings.forest import FONT_PT, style
 from validate.findings.places import Place
-from validate.runs.csv_rows import all_of, value_of
+from validate.runs.csv_file import all_of, value_of
 from validate.runs.palette import REFERENCE
 
 __all__ = ["size_curves", "size_figure"]

@@ -8,17 +8,9 @@ from collections.abc import Sequence
 from pss.hints import CsvRow
 from validate.findings.contenders import contenders_in
 from validate.findings.places import HEADLINE, Place
-from validate.runs.csv_rows import (
-    NOTHING,
-    all_of,
-    bounds,
-    first_of,
-    in_powers,
-    markdown_table,
-    number,
-    percent,
-    value_of,
-)
+from validate.runs.csv_file import all_of, bounds, first_of, value_of
+from validate.runs.numbers import NOTHING, in_powers, number, percent
+from validate.runs.table_text import markdown_table
 from validate.stats.shares import share_interval
 
 __all__ = [

@@ -7,7 +7,8 @@ from collections.abc import Callable, Sequence
 from validate.findings.contenders import CALIBRATED, IDENTITY, PHYSICAL, PRINTED, WHOLE_MARKERS
 from validate.findings.places import COUNT, FILTER, SHARE, Place
 from validate.findings.process import at_headline, at_the_scenes, ratio_words
-from validate.runs.csv_rows import NOTHING, markdown_table, number, percent_with_range
+from validate.runs.numbers import NOTHING, number, percent_with_range
+from validate.runs.table_text import markdown_table
 
 __all__ = ["summary_table"]
 

@@ -11,6 +11,7 @@ from pss.hints import Bools, Floats
 from pss.noise.photometric import sides_e
 from pss.visibility.targets import LEAST_CONTRAST_OVER_NOISE, contrast_over_noise
 from render.world.state import SceneState
+from validate.runs.numbers import two_digits
 
 __all__ = ["brightest_in_view", "dark_words", "light_words", "markers_too_dark", "white_irradiance"]
 
@@ -50,13 +51,7 @@ def white_irradiance(views: Views, state: SceneState) -> Floats:
 def light_words(irradiance_w_per_m2: float, wavelength_nm: float) -> str:
     """1.2 W/m² (820 lux at 550 nm)."""
     lux = float(illuminance_lux(irradiance_w_per_m2, wavelength_nm))
-    return f"{_two_digits(irradiance_w_per_m2)} W/m² ({_two_digits(lux)} lux at {wavelength_nm:g} nm)"
-
-
-def _two_digits(value: float) -> str:
-    """0.15, 100, 68,000, and powers of ten from a million on."""
-    rounded = float(f"{value:.2g}")
-    return f"{rounded:,.0f}" if 10 <= rounded < 1e6 else f"{rounded:g}"
+    return f"{two_digits(irradiance_w_per_m2)} W/m² ({two_digits(lux)} lux at {wavelength_nm:g} nm)"
 
 
 def dark_words(

@@ -14,8 +14,7 @@ from render.store.folder import StoreError
 from validate.pages.columns import Columns, check_counts, is_number, whole_number
 from validate.prediction.contenders import shown_model
 from validate.prediction.own_metrics import OWN_COLUMN
-from validate.runs.csv_file import number_in
-from validate.runs.csv_rows import all_of
+from validate.runs.csv_file import all_of, number_in
 from validate.runs.saved import SavedRun
 from validate.stats.optimum import FLAT, NO_OPTIMUM, optimum
 

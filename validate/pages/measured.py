@@ -11,9 +11,8 @@ import numpy as np
 
 from validate.pages.data import MM, SweepTable
 from validate.pages.figure import Figure
-from validate.runs.csv_file import number_in
-from validate.runs.csv_rows import all_of
-from validate.runs.table_text import written
+from validate.runs.csv_file import all_of, number_in
+from validate.runs.numbers import in_mm, written
 
 __all__ = ["is_measurement", "marker_rows", "measured_in_words", "of_one_step", "ratio_rows"]
 
@@ -130,11 +129,7 @@ def _marker_row(
         "place": ", ".join(f"{first[f'{axis}_m'][n]:.2f}" for axis in "xyz").replace("-", "−"),
         "views": int(first["views"][n]),
         "rate": f"{first['detection_rate'][n]:.0%}".replace("%", " %"),
-        "measured": [_mm(first[name][n]) for name in columns],
-        "predicted": [_mm(values[n]) for values in of_models.values()],
+        "measured": [in_mm(first[name][n]) for name in columns],
+        "predicted": [in_mm(values[n]) for values in of_models.values()],
         "nees": f"{nees[n] / 3:.3g}" if math.isfinite(nees[n]) else "–",
     }
-
-
-def _mm(value_m: float) -> str:
-    return f"{value_m * MM:.3g}" if math.isfinite(value_m) else "–"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from validate.pages.data import SweepTable
 from validate.pages.empty_rows import NO_ORDER, Sign, empty_row_words
 from validate.pages.figure import Choice, Columns, Figure, plain, ref
 from validate.pages.style import LOG_AXIS, layout, line_at, model_style
+from validate.runs.numbers import number_of
 from validate.runs.palette import BLUE, GREY, INK
 from validate.sweeps.correlation import SHARES_UNDER_MM
 
@@ -74,15 +74,15 @@ def leaderboard_figure(table: SweepTable) -> Figure:
         for measure in measures:
             rows = [r for r in table.correlation if r["measure"] == measure and r["noise_model"] == model]
             metrics = _metrics_of(table, measure)
-            rho = np.array([_number(row["spearman"]) for row in rows])
+            rho = np.array([number_of(row["spearman"]) for row in rows])
             at = [metrics.index(row["metric"]) for row in rows]
             signs.setdefault(measure, []).extend(
                 Sign(model, row, row + offset, float(value)) for row, value in zip(at, rho, strict=True)
             )
             columns |= {
                 f"rho|{measure}|{model}": plain(rho),
-                f"above|{measure}|{model}": plain(np.array([_number(r["spearman_ci_high"]) for r in rows]) - rho),
-                f"below|{measure}|{model}": plain(rho - np.array([_number(r["spearman_ci_low"]) for r in rows])),
+                f"above|{measure}|{model}": plain(np.array([number_of(r["spearman_ci_high"]) for r in rows]) - rho),
+                f"below|{measure}|{model}": plain(rho - np.array([number_of(r["spearman_ci_low"]) for r in rows])),
                 f"row|{measure}|{model}": [row + offset for row in at],
                 f"more|{measure}|{model}": [
                     [
@@ -123,10 +123,6 @@ def leaderboard_figure(table: SweepTable) -> Figure:
 
 def _metrics_of(table: SweepTable, measure: str) -> list[str]:
     return list(dict.fromkeys(row["metric"] for row in table.correlation if row["measure"] == measure))
-
-
-def _number(text: str) -> float:
-    return float(text) if text else math.nan
 
 
 def _short(text: str, form: str) -> str:

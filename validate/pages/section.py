@@ -17,7 +17,7 @@ from validate.pages.html import json_in_page
 from validate.pages.images import LAYERS, MOST_BLUR_PX, Crop, Pictures, chosen_crops, overlay
 from validate.pages.scene3d import GROUPS, Group
 from validate.pages.steps import Step
-from validate.runs.table_text import written
+from validate.runs.numbers import written
 
 __all__ = ["KIND_CHOICE", "Courses", "Section", "html_of", "joined_columns", "page_of", "section_of", "words_of"]
 

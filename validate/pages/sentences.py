@@ -11,6 +11,7 @@ import numpy as np
 from pss.hints import CsvRow
 from pss.visibility.targets import LEAST_CONTRAST_OVER_NOISE
 from validate.pages.data import KINDS, Kind, SweepTable
+from validate.runs.numbers import number_of, rho_words
 from validate.stats.measured_errors import FEWEST_TRIALS
 from validate.stats.optimum import FLAT
 
@@ -21,7 +22,6 @@ __all__ = [
     "findings",
     "in_words",
     "remarks",
-    "rho_words",
     "standing_of",
     "verdicts",
 ]
@@ -83,17 +83,6 @@ class Verdict:
         return PREFERS_NONE if self.predicted_optimum == FLAT else standing_of(self.rho, self.low, self.high)
 
 
-def rho_words(rho: float, low: float, high: float) -> str:
-    """+0.98 [+0.90, +0.99]."""
-    if math.isnan(rho):
-        return "undefined"
-    # A rounding beside 0 has no sign of its own.
-    rho, low, high = (round(value, 2) + 0.0 for value in (rho, low, high))
-    if math.isnan(low):
-        return _minus(f"{rho:+.2f}")
-    return _minus(f"{rho:+.2f} [{low:+.2f}, {high:+.2f}]")
-
-
 def standing_of(rho: float, low: float, high: float) -> str:
     """The statement that the interval of ρ supports."""
     if math.isnan(rho):
@@ -118,10 +107,6 @@ def _quoted(label: str) -> str:
     return words.format(parameter=parameter, value=value) if value else label
 
 
-def _number(text: str | None) -> float:
-    return float(text) if text else math.nan
-
-
 def verdicts(table: SweepTable) -> list[Verdict]:
     """A verdict for each noise model and kind, in the tables' order."""
     found = []
@@ -135,13 +120,13 @@ def verdicts(table: SweepTable) -> list[Verdict]:
                     model,
                     kind,
                     len(table.labels),
-                    _number(row.get("spearman")),
-                    _number(row.get("spearman_ci_low")),
-                    _number(row.get("spearman_ci_high")),
+                    number_of(row.get("spearman")),
+                    number_of(row.get("spearman_ci_low")),
+                    number_of(row.get("spearman_ci_high")),
                     *(c.without_best if c.best is None else table.values[c.best] for c in curves),
                     *("no step" if c.best is None else _quoted(table.labels[c.best]) for c in curves),
-                    _number(row.get("regret")),
-                    _number(row.get("oracle_regret")),
+                    number_of(row.get("regret")),
+                    number_of(row.get("oracle_regret")),
                 )
             )
     return found

@@ -26,8 +26,8 @@ from validate.plots.single_step import measurement_figure
 from validate.plots.style import TITLE_WIDTH, write_round_numbers
 from validate.runs.axis_names import AXIS_NAMES
 from validate.runs.file_names import FIGURES, figure_file
+from validate.runs.numbers import written
 from validate.runs.palette import CATEGORIES, MEASURED
-from validate.runs.table_text import written
 from validate.stats.intervals import interval
 from validate.stats.optimum import optimum
 from validate.stats.stars import STEP, star_heights

@@ -25,7 +25,7 @@ from validate.markers.darkness import white_irradiance
 from validate.prediction.contenders import shown_model
 from validate.prediction.own_metrics import OwnScores, own_scores
 from validate.prediction.predict import exposed, predict
-from validate.runs.table_text import written
+from validate.runs.numbers import written
 
 __all__ = [
     "LARGEST_BLUR_MODULES",

@@ -17,10 +17,27 @@ from typing import Any
 
 from pss import RangeError
 from pss.files import open_plain
+from pss.hints import CsvRow
 from render.store.atomic import StoreError
 from validate.runs.renamed_columns import current_names
 
-__all__ = ["Row", "csv_text", "number_in", "read_csv", "read_head"]
+__all__ = [
+    "Row",
+    "Tables",
+    "all_of",
+    "bounds",
+    "csv_text",
+    "first_of",
+    "number_in",
+    "one_of",
+    "read_csv",
+    "read_head",
+    "read_tables",
+    "value_of",
+]
+
+Tables = Mapping[str, Sequence[CsvRow]]
+"""Rows of CSV files, by their names without the ending."""
 
 # Characters, of what is quoted in a message.
 LONGEST_VALUE, LONGEST_LIST = 60, 600
@@ -150,3 +167,39 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+# ---- rows ------------------------------------------------------------------------------------------------------------
+#
+# A column that a file does not have reads as "": tables of an earlier version lack columns.
+
+
+def read_tables(folder: Path) -> dict[str, list[dict[str, str]]]:
+    """The CSV files of a folder, by name without the ending; none for a folder that is not there."""
+    return {path.stem: [dict(row) for row in read_csv(path)] for path in sorted(folder.glob("*.csv"))}
+
+
+def all_of(rows: Sequence[CsvRow], **values: str) -> list[CsvRow]:
+    """The rows that have these values."""
+    return [row for row in rows if all(row.get(key, "") == value for key, value in values.items())]
+
+
+def one_of(rows: Sequence[CsvRow], **values: str) -> CsvRow:
+    """The first of them."""
+    return all_of(rows, **values)[0]
+
+
+def first_of(rows: Sequence[CsvRow], **values: str) -> CsvRow | None:
+    """The first of them; None if there is none."""
+    return next(iter(all_of(rows, **values)), None)
+
+
+def value_of(row: CsvRow | None, name: str) -> float:
+    """A number; nan where there is no row, no such column, or nothing in it."""
+    return float((row or {}).get(name) or "nan")
+
+
+def bounds(row: CsvRow | None, name: str) -> tuple[float, float, float]:
+    """A number and the ends of its 95 % interval, from columns `name`, `name`_ci_low and `name`_ci_high; nan if not."""
+    value, low, high = (value_of(row, key) for key in (name, f"{name}_ci_low", f"{name}_ci_high"))
+    return value, low, high

@@ -10,8 +10,9 @@ import numpy as np
 
 from pss import RangeError
 from validate.runs.csv_file import csv_text
+from validate.runs.numbers import NOTHING
 
-__all__ = ["TABLE_KINDS", "table_text", "written"]
+__all__ = ["TABLE_KINDS", "folded", "markdown_table", "table_text"]
 
 TABLE_KINDS = ("csv", "md", "tex")
 """Comma-separated values, Markdown, LaTeX (tabular with booktabs' rules)."""
@@ -32,12 +33,6 @@ TEX_SIGNS = {
     "−": r"$-$",
     "×": r"$\times$",
 }
-
-
-def written(value: float, digits: int) -> str:
-    """A number to so many digits for a reader: 0.0397, 39,700, and powers of ten from a million on."""
-    rounded = float(f"{value:.{digits}g}")
-    return f"{rounded:,.0f}" if 1000 <= abs(rounded) < 1e6 else f"{value:.{digits}g}"
 
 
 def table_text(rows: Sequence[Mapping[str, object]], kind: str) -> str:
@@ -91,3 +86,17 @@ def _latex(head: list[str], body: list[list[str]], numeric: list[bool]) -> str:
 
 def _tex(word: str) -> str:
     return "".join(TEX_SIGNS.get(sign, sign) for sign in word.replace("\n", " "))
+
+
+def markdown_table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table; columns in which no row has anything are left out, and it is "" without rows."""
+    if not rows:
+        return ""
+    kept = [place for place in range(len(heads)) if place == 0 or any(row[place] not in ("", NOTHING) for row in rows)]
+    lines = [f"| {' | '.join(row[place] for place in kept)} |" for row in (heads, *rows)]
+    return "\n".join([lines[0], "|" + "---|" * len(kept), *lines[1:]])
+
+
+def folded(summary: str, body: str) -> str:
+    """A part that a browser opens by a click and plain Markdown shows as it is; "" without a body."""
+    return f"<details>\n<summary>{summary}</summary>\n\n{body}\n\n</details>" if body else ""

@@ -10,18 +10,20 @@ import importlib
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pss import MissingLibraryError, RangeError
 from pss.hints import CsvRow, ReadOnlyRow
+from render.store.atomic import write_text
 from validate.runs.csv_file import csv_text
 
 if TYPE_CHECKING:
     import pandas
 
-__all__ = ["RunTables", "as_written", "columns_of", "table_file"]
+__all__ = ["RunTables", "as_written", "columns_of", "table_file", "write_csv"]
 
 # Digits that distinguish any two measured numbers, and few enough for a person.
 DIGITS = 7
@@ -55,6 +57,11 @@ def table_file(written: Sequence[CsvRow], head: Sequence[str] = ()) -> str:
     """The text of a CSV file of written rows; without rows the head alone, or nothing."""
     head = list(written[0]) if written else list(head)
     return csv_text(head, ([row[key] for key in head] for row in written)) if head else ""
+
+
+def write_csv(path: Path, rows: Sequence[Mapping[str, object]]) -> None:
+    """Write rows with the first row's keys as the head; nan is an empty field."""
+    write_text(path, table_file(as_written(rows)))
 
 
 def columns_of(written: Sequence[CsvRow]) -> dict[str, np.ndarray[Any, Any]]:

@@ -15,8 +15,8 @@ from validate.pages.scene3d import Group
 from validate.pages.section import Courses, Section
 from validate.pages.sentences import claims
 from validate.pages.steps import Step
+from validate.runs.numbers import written
 from validate.runs.palette import BLUE, TINT_BLUE, TINT_VERMILION, VERMILION
-from validate.runs.table_text import written
 from validate.schedule_pages import curves, ranking, sentences
 from validate.schedule_pages.steps import Different, label_of
 from validate.schedule_pages.tables import ScheduleTable

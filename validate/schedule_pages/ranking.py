@@ -11,9 +11,10 @@ from pss.hints import CsvRow
 from validate.pages.empty_rows import Sign, empty_row_words
 from validate.pages.figure import Choice, Columns, Figure, plain, ref
 from validate.pages.style import layout, model_style
-from validate.runs.csv_rows import all_of
+from validate.runs.csv_file import all_of
+from validate.runs.numbers import number_of
 from validate.runs.palette import BLUE, GREY, INK
-from validate.schedule_pages.tables import KIND_NAMES, ScheduleTable, number
+from validate.schedule_pages.tables import KIND_NAMES, ScheduleTable
 
 __all__ = ["agreement_figure", "ranking_figure"]
 
@@ -85,7 +86,9 @@ def agreement_figure(table: ScheduleTable) -> Figure:
         offsets[model] = (model, offset)
         where = "{quantity}|{zoom_limit}|{kind}|" + model
         traces.append(_dots(model, where, names, offset, (colour, symbol), "%{x:.3g}"))
-    for stem in {name.removeprefix("at|").rpartition("|")[0] for name in columns if name.startswith("at|")}:
+    # In the order of the columns, so that the page of a run is the same file each time.
+    stems = [name.removeprefix("at|").rpartition("|")[0] for name in columns if name.startswith("at|")]
+    for stem in dict.fromkeys(stems):
         columns[f"words|{stem}"] = _words(columns, stem, offsets)
     columns |= {
         "x_title|spearman": "Spearman’s ρ over the steps",
@@ -133,7 +136,7 @@ def _add(columns: Columns, name: str, names: Iterable[str], rows: list[CsvRow], 
     """Values and lengths of bars, in the order of `names`; None where a strategy has no row."""
     of = {row["strategy"]: row for row in rows}
     at, low, high = (
-        np.array([number(of[n].get(key)) if n in of else np.nan for n in names])
+        np.array([number_of(of[n].get(key)) if n in of else np.nan for n in names])
         for key in (value, f"{interval}_low", f"{interval}_high")
     )
     at, low, high = (np.where(np.isfinite(values), values, np.nan) for values in (at, low, high))

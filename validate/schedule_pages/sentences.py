@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -10,10 +9,11 @@ import numpy as np
 from pss.hints import CsvRow
 from validate.pages.columns import whole_number
 from validate.pages.data import KINDS
-from validate.pages.sentences import claims, rho_words, standing_of
-from validate.runs.csv_rows import all_of
+from validate.pages.sentences import claims, standing_of
+from validate.runs.csv_file import all_of
+from validate.runs.numbers import number_of, percent, plain_range, rho_words
 from validate.schedule.agreement import ALL_RUNS
-from validate.schedule_pages.tables import KIND_NAMES, ScheduleTable, number
+from validate.schedule_pages.tables import KIND_NAMES, ScheduleTable
 
 __all__ = ["cards", "claims_in_brief", "ranking_rows", "remarks", "verdict_rows"]
 
@@ -39,7 +39,7 @@ def verdict_rows(table: ScheduleTable) -> list[dict[str, Any]]:
                     "n": row["n"],
                     "rho": rho_words(*_three(row, "spearman")),
                     "standing": standing_of(*_three(row, "spearman")),
-                    "ratio": _plain_range(*_three(row, "median_abs_log_ratio")),
+                    "ratio": plain_range(*_three(row, "median_abs_log_ratio")),
                     "factor": _factor(model, row),
                 }
             )
@@ -55,8 +55,8 @@ def ranking_rows(table: ScheduleTable) -> list[dict[str, Any]]:
             "rho": rho_words(*_three(row, "spearman")),
             "chosen": row["chosen"],
             "best": row["best"],
-            "share": _percent(row["chosen_is_best_share"]),
-            "regret": _percent(row["regret"]),
+            "share": percent(row["chosen_is_best_share"]),
+            "regret": percent(row["regret"]),
         }
         for model in table.every.models
         for kind in KINDS
@@ -149,11 +149,7 @@ def _ranking(table: ScheduleTable, model: str, kind: str) -> CsvRow | None:
 
 
 def _three(row: CsvRow, name: str) -> tuple[float, float, float]:
-    return number(row[name]), number(row[f"{name}_ci_low"]), number(row[f"{name}_ci_high"])
-
-
-def _plain_range(value: float, low: float, high: float) -> str:
-    return "undefined" if math.isnan(value) else f"{value:.2f} [{low:.2f}, {high:.2f}]"
+    return number_of(row[name]), number_of(row[f"{name}_ci_low"]), number_of(row[f"{name}_ci_high"])
 
 
 def _factor(model: str, row: CsvRow) -> str:
@@ -162,10 +158,6 @@ def _factor(model: str, row: CsvRow) -> str:
         return "no meaning"
     values = np.exp(_three(row, "median_abs_log_ratio"))
     return "undefined" if np.isnan(values[0]) else "a factor of {:.2f} [{:.2f}, {:.2f}]".format(*values)
-
-
-def _percent(text: str) -> str:
-    return "–" if not text else f"{100 * float(text):.1f} %"
 
 
 def _limit_words(table: ScheduleTable) -> str:
@@ -179,6 +171,6 @@ def _choice_words(kind: str, row: CsvRow) -> str:
         words = f"{opening}, which is measured best, too"
     else:
         words = (
-            f"{opening}; the best measured is {row['best']}, and the choice loses {_percent(row['regret'])} of its PSS"
+            f"{opening}; the best measured is {row['best']}, and the choice loses {percent(row['regret'])} of its PSS"
         )
-    return f"{words} (the same strategy in {_percent(row['chosen_is_best_share'])} of the resamples; ρ = {rho})."
+    return f"{words} (the same strategy in {percent(row['chosen_is_best_share'])} of the resamples; ρ = {rho})."

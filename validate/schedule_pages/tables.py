@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,11 +11,10 @@ import numpy as np
 from pss.hints import CsvRow, Floats
 from render.store.folder import StoreError
 from validate.pages.data import Kind, SweepTable, needed_tables, table_of
-from validate.runs.csv_file import number_in
-from validate.runs.csv_rows import all_of
+from validate.runs.csv_file import all_of, number_in
 from validate.schedule.stage import BOTH
 
-__all__ = ["KIND_NAMES", "ScheduleTable", "number", "read_schedule", "schedule_table"]
+__all__ = ["KIND_NAMES", "ScheduleTable", "read_schedule", "schedule_table"]
 
 
 NEEDED = (
@@ -115,8 +113,3 @@ def schedule_table(tables: Mapping[str, Sequence[CsvRow]], folder: Path) -> Sche
         tuple(tables["claims"]),
         tuple(tables["runs"]),
     )
-
-
-def number(text: str | None) -> float:
-    """A table's number; nan where it is empty."""
-    return float(text) if text else math.nan

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pss.hints import Floats, Row
 from render.renderer import Certificate
-from render.store.folder import write_text
 from scenes import Configuration
 from validate.acquire.acquire import Acquired, Acquisition
 from validate.markers.darkness import markers_too_dark
-from validate.runs.tables import as_written, table_file
 from validate.stats.intervals import interval
 from validate.sweeps.assessment import Assessment
 from validate.sweeps.departures import error_budgets, nees
@@ -31,17 +28,11 @@ __all__ = [
     "pooled",
     "timing_rows",
     "view_rows",
-    "write_csv",
 ]
 
 
 THIS_RUN, ANOTHER_RUN = "this run", "another run"
 THRESHOLDS_MM = (1, 2, 5, 10)
-
-
-def write_csv(path: Path, rows: Sequence[Mapping[str, object]]) -> None:
-    """Write rows with the first row's keys as the head; nan is an empty field."""
-    write_text(path, table_file(as_written(rows)))
 
 
 def pooled(rms: Floats, points: NDArray[np.bool_]) -> float:

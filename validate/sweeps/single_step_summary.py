@@ -8,7 +8,7 @@ import numpy as np
 from rich.table import Table
 
 from pss.hints import Row
-from validate.runs.table_text import written
+from validate.runs.numbers import in_mm, written
 from validate.stats.intervals import interval
 from validate.sweeps.rows import THRESHOLDS_MM, pooled
 from validate.sweeps.sweep import SweepResult
@@ -53,9 +53,9 @@ def error_table(result: SweepResult) -> Table:
         cells = ["–", "–", "–"]
         if known.any():
             worst = int(np.flatnonzero(known)[np.argmax(errors.rms_m[known])])
-            cells = [_mm(pooled(errors.rms_m, of)), f"{_mm(errors.rms_m[worst])} ({markers[worst].id})"]
+            cells = [in_mm(pooled(errors.rms_m, of)), f"{in_mm(errors.rms_m[worst])} ({markers[worst].id})"]
             cells.append(f"{np.nanmedian(own[known]):.2f}" if np.isfinite(own[known]).any() else "–")
-        predicted = [_mm(pooled(assessment.predicted[model].single_frame_rms_m, of)) for model in result.noise_models]
+        predicted = [in_mm(pooled(assessment.predicted[model].single_frame_rms_m, of)) for model in result.noise_models]
         table.add_row(name, str(int(of.sum())), str(int(known.sum())), *cells, *predicted)
     return table
 
@@ -79,7 +79,3 @@ def _limited(row: dict[str, object], key: str) -> str:
     if not np.isfinite(value):
         return "–"
     return f"{value:.3g}" + ("" if np.isnan(low) else f" [{low:.3g}, {high:.3g}]")
-
-
-def _mm(value_m: float) -> str:
-    return "–" if np.isnan(value_m) else f"{value_m * MM:.3g}"

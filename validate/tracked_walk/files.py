@@ -14,8 +14,8 @@ from render.store.folder import Store
 from render.store.views import stored_view
 from validate.plots.film import write_film
 from validate.plots.film_frame import FilmFrame
+from validate.runs.tables import write_csv
 from validate.schedule.stage import stance_in
-from validate.sweeps.rows import write_csv
 from validate.tracked_walk.frames import TrackedWalk
 from validate.tracked_walk.trajectories import Poses, body_poses, torso_pose, torso_reference_m, write_walk
 

@@ -34,7 +34,7 @@ from validate.comparison.sentences import (
 from validate.comparison.series import OWN, groups_of
 from validate.comparison.sides import sides_of
 from validate.pages.figure import combinations, filled
-from validate.sweeps.rows import write_csv
+from validate.runs.tables import write_csv
 
 REFERENCE = Path(__file__).parents[3] / "results" / "reference"
 # Numbers of a figure have four digits, those of made-up tables seven.

@@ -21,8 +21,9 @@ from validate.findings.page import findings_page
 from validate.findings.places import places_of_reference
 from validate.findings.ranking_tables import neutral_table
 from validate.findings.sentences import five_sentences
-from validate.runs.csv_file import csv_text
-from validate.runs.csv_rows import in_powers, markdown_table, read_tables, with_range
+from validate.runs.csv_file import csv_text, read_tables
+from validate.runs.numbers import in_powers, with_range
+from validate.runs.table_text import markdown_table
 
 pytestmark = pytest.mark.slow
 

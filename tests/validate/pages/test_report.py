@@ -38,7 +38,7 @@ from validate.prediction.frusta import frustum
 from validate.results.remade import remade
 from validate.results.report import of_results
 from validate.runs.palette import PURPLE_ORANGE, VIRIDIS
-from validate.sweeps.rows import write_csv
+from validate.runs.tables import write_csv
 
 # Numbers of a figure have four.
 DRAWN_DIGITS = 1e-3

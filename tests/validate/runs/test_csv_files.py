@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from validate.runs.csv_file import csv_text, read_csv, read_head
 from validate.runs.renamed_columns import RENAMED_COLUMNS
 from validate.runs.table_text import table_text
-from validate.sweeps.rows import write_csv
+from validate.runs.tables import write_csv
 
 ROOT = Path(__file__).parents[3]
 # OWASP, "CSV Injection": a cell that begins with one of these is computed.

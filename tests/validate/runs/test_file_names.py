@@ -22,7 +22,7 @@ from validate.runs.file_names import (
     model_file,
     sweep_name,
 )
-from validate.sweeps.rows import write_csv
+from validate.runs.tables import write_csv
 
 ROOT = Path(__file__).parents[3]
 

@@ -9,7 +9,8 @@ import math
 import pytest
 
 from pss import RangeError
-from validate.runs.table_text import table_text, written
+from validate.runs.numbers import written
+from validate.runs.table_text import table_text
 
 ROWS = [
     {"name": "a|b & 50 %", "value": 1234.56789, "count": 3, "none": math.nan},
