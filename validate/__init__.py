@@ -1,4 +1,4 @@
-"""Where prediction and measurement meet: detection, triangulation, tracking, statistics, and the command.
+"""Comparison of prediction and measurement: detection, triangulation, tracking, statistics, and the command.
 
 The functions below are the way in from Python; each module is loaded at the first use of what it has.
 """

@@ -1,4 +1,4 @@
-"""The command: predict and measure sweeps of camera settings, and leave tables and figures behind.
+"""The command: predict and measure sweeps of camera settings, and write tables and figures.
 
     python validate/run_sweep.py zoom focus selection
 

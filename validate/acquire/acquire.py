@@ -1,4 +1,4 @@
-"""Get views rendered and measured: what the store has is taken, the rest is made, each view once.
+"""Acquire views: stored ones are loaded, the others are rendered and measured, each view once.
 
 One process renders (Mitsuba's own threads use all cores); others measure what is rendered meanwhile. Or, as
 `validate.scale` is set, worker processes each render and measure one view at a time, on this machine or on others.

@@ -1,4 +1,4 @@
-"""The one function that Dask is given. Its arguments are bytes that a worker unpacks, so that the scheduler, which
+"""The one function that is passed to Dask. Its arguments are bytes that a worker unpacks, so that the scheduler, which
 handles every call, neither imports the renderer nor unpacks a scene.
 """
 

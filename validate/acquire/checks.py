@@ -1,4 +1,4 @@
-"""Before any view is handed out: do all workers see the store, and do they run the same code with the same renderer?
+"""Checks before any view is handed out: all workers see the store and run the same code with the same renderer.
 
 A worker that joins later is caught by its first job: it names the view that it was given, and refuses if it would name
 it otherwise.

@@ -1,4 +1,4 @@
-"""What a worker process does: solve a scene state's light, or render and measure a view. One job at a time.
+"""The jobs of a worker process: solve a scene state's light, or render and measure a view. One job at a time.
 
 A worker keeps the scene state that it was sent last, and Mitsuba's scene of it. What it makes goes into the store; back
 goes only what the tables need and the store does not hold.

@@ -1,4 +1,4 @@
-"""How good could a prediction be? The oracle, split halves, and parts exchanged for what was measured."""
+"""Upper limits of a prediction: the oracle, split halves, and parts replaced by measurements."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was predicted to be seen or found in the views of a bank, against what the detector found in them."""
+"""Predicted visibility and detection in the views of a bank, against the detector's detections."""
 
 from __future__ import annotations
 

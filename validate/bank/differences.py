@@ -1,4 +1,4 @@
-"""How much better does one R rank than another? Paired differences of ρ, on the resamples that both are judged on."""
+"""Paired differences of ρ between noise models, on the same resamples."""
 
 from __future__ import annotations
 

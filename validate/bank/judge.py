@@ -1,4 +1,4 @@
-"""From detections to verdicts: calibrate on the training views, predict and measure the held-out configurations."""
+"""From detections to results: calibrate on the training views, predict and measure the held-out configurations."""
 
 from __future__ import annotations
 

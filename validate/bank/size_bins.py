@@ -1,4 +1,4 @@
-"""Is the error as large as predicted, whatever its size? Measured errors of points in bins of the predicted ones."""
+"""Measured errors of points in bins of the predicted ones: whether predictions are right at every size."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`run_sweep.py calibration-error`: from which errors of calibration on does PSS no longer rank configurations?"""
+"""`run_sweep.py calibration-error`: the size of calibration errors from which PSS no longer ranks configurations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`run_sweep.py report`: make the report of a finished run again, from its tables and the store."""
+"""`run_sweep.py report`: create the report of a finished run again, from its tables and the store."""
 
 from __future__ import annotations
 

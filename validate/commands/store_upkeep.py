@@ -1,4 +1,4 @@
-"""What is in a store: counted, checked, and taken out by the user's own wish; see `run_sweep.py store`."""
+"""The files of a store: counted, checked, and removed on the user's request; see `run_sweep.py store`."""
 
 from __future__ import annotations
 

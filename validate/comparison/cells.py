@@ -1,4 +1,4 @@
-"""Numbers of matched rows as a reader sees them: a value, its interval, and a star where a difference is one."""
+"""Numbers of matched rows as text: a value, its interval, and a star where a difference is significant."""
 
 from __future__ import annotations
 

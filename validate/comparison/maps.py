@@ -1,4 +1,4 @@
-"""A comparison's plan of points: where measured errors grew and where they shrank."""
+"""A comparison's plan of points: where measured errors increased and where they decreased."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tables that runs left, as sides of a comparison: a folder, and which of its rows are meant."""
+"""The tables of runs, as sides of a comparison: a folder and a selection of its rows."""
 
 from __future__ import annotations
 

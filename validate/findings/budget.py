@@ -1,4 +1,4 @@
-"""The sweeps' error budget: what measured PSS is below the predicted one by, from `configurations.csv`."""
+"""The sweeps' error budget: the factors between measured and predicted PSS, from `configurations.csv`."""
 
 from __future__ import annotations
 

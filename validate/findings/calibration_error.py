@@ -1,4 +1,4 @@
-"""What errors of calibration do to the ranking, from `calibration_error.csv`."""
+"""The effect of calibration errors on the ranking, from `calibration_error.csv`."""
 
 from __future__ import annotations
 

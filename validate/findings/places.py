@@ -1,4 +1,4 @@
-"""Where was judged: rooms and lights, each with the tables of a bank, from results/reference or from one bank alone."""
+"""Evaluated rooms and lights, each with the tables of a bank, from results/reference or from one bank alone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Of which configurations, views and conditions the findings are, in words."""
+"""The configurations, views and conditions of the findings, in words."""
 
 from __future__ import annotations
 

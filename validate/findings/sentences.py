@@ -1,4 +1,4 @@
-"""The five sentences that a reader takes home, each with its numbers and intervals, made from the tables.
+"""The five main findings in a sentence each, with numbers and intervals from the tables.
 
 What a sentence claims follows from the numbers: a difference counts if its interval has no zero in it, a size is right
 if NEES is within `RIGHT_SIZE`. Other tables make other sentences.

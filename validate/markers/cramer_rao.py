@@ -1,4 +1,4 @@
-"""How well a marker's centre can be known from one capture: the Cramér–Rao bound, by another route than the estimator.
+"""The Cramér–Rao bound of a marker's centre in one capture, computed independently of the estimator.
 
 The marker is drawn finely, sample by sample, and blurred by a sampled disc; pixels are sums of samples. The derivative
 of a pixel's sum by a shift is exact: what its one edge gains less what the other loses. Nothing of the registration is

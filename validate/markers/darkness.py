@@ -1,4 +1,4 @@
-"""Too little light: which markers' contrast the noise of a capture hides, and the words and figures to name it with."""
+"""Too little light: the markers whose contrast is lost in the noise of a capture, and messages about them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Find and decode the markers in one noisy capture. The image is all that is known here: no pose, no truth, no hint.
+"""Find and decode the markers in one noisy capture. The image is the only input: no pose and no true position.
 
 The search is OpenCV's; what is prepared is the 8-bit picture that it gets. There each pixel is scaled by the white of
 its neighbourhood, so that a marker in the shade has the contrast of one in the light, as far as the noise allows.

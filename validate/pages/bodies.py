@@ -1,4 +1,4 @@
-"""What stands in a scene, as triangles: few enough to be sent with a page."""
+"""The objects of a scene as triangles, few enough to be embedded in a page."""
 
 from __future__ import annotations
 

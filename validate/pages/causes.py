@@ -1,4 +1,4 @@
-"""What stands against a marker's being found in a view: computed for each marker that a page shows as never found."""
+"""Causes why a marker is not found in a view: computed for each marker that a page shows as never found."""
 
 from __future__ import annotations
 

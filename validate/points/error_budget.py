@@ -1,4 +1,4 @@
-"""Why a measured PSS departs from the predicted one: four factors, each one link of the chain from model to point."""
+"""Error budget of measured over predicted PSS: four factors, one for each link from model to point."""
 
 from __future__ import annotations
 

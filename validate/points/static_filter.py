@@ -1,4 +1,4 @@
-"""A linearised simulation of the Kalman filter, driven by rendered residuals: P⁻ of Eq. 4 and P⁺ are held against it.
+"""A linearised simulation of the Kalman filter, driven by rendered residuals, to compare with P⁻ of Eq. 4 and P⁺.
 
 No moving point is rendered. The truth follows the process model in the simulation, from where the points were rendered;
 a frame's measurement is the projection plus the residual of a trial, drawn from those the detector made there. The

@@ -1,4 +1,4 @@
-"""What the metric foresees of a scene: who sees which marker, how large and how sharp, and how well it is resolved."""
+"""The metric's predictions for a scene: visibility of each marker, its size and sharpness, and its precision."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A calibration that was fitted before, as `bank --calibration FILE` judges with it: nothing is fitted any more."""
+"""A calibration that was fitted before, for `bank --calibration FILE`: nothing is fitted."""
 
 from __future__ import annotations
 

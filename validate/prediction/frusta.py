@@ -1,4 +1,4 @@
-"""What a camera's field of view is in a room: its edges up to the plane in focus or the walls, and that plane."""
+"""A camera's field of view in a room: its edges up to the plane in focus or the walls, and that plane."""
 
 from __future__ import annotations
 

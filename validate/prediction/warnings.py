@@ -1,4 +1,4 @@
-"""What of a scene will most likely disappoint, a line each, with what would help."""
+"""Warnings about likely problems of a scene, a line each, with a remedy."""
 
 from __future__ import annotations
 

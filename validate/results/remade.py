@@ -38,7 +38,7 @@ NOTHING_GIVEN = Given()
 def remade(folder: Path, given: Given = NOTHING_GIVEN, strategy: Sequence[str] = ()) -> Path:
     """The report of a finished run, made again.
 
-    The folder may be a stranger's: what it names outside itself is neither run nor opened, unless `given`.
+    The folder may come from elsewhere: files that it names outside itself are neither run nor opened, unless `given`.
 
     Args:
         folder: of the run.

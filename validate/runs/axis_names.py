@@ -1,4 +1,4 @@
-"""What the axes of figures call the parameters of sweeps."""
+"""Names of the parameters of sweeps on the axes of figures."""
 
 from __future__ import annotations
 

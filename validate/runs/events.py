@@ -1,4 +1,4 @@
-"""What happens in a run, for programs: `events.jsonl` in its folder, a JSON object a line, added as it happens.
+"""Events of a run, for programs: `events.jsonl` in its folder, a JSON object a line, added as it happens.
 
 A run must not fail because an event cannot be written: it is skipped, and one line reports that. Events
 have numbers, so that a reader finds what is missing. A line that a power cut or a full disk tore stays as it is, and

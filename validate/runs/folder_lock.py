@@ -1,4 +1,4 @@
-"""One command at a time writes into a folder of results: tables of two runs would lie side by side.
+"""One command at a time writes into a folder of results: tables of two runs would be mixed.
 
 The folder's file `.in-use` is locked while a command writes. A lock ends with its process, however that ends: what a
 killed process leaves behind blocks no other run. Where the file system has no locks, nothing is refused.

@@ -1,4 +1,4 @@
-"""What stands in the way of a run's files: found before it takes its time, and not when its tables are written."""
+"""Obstacles to writing a run's files, found before the run starts and not when its tables are written."""
 
 from __future__ import annotations
 

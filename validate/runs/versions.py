@@ -1,4 +1,4 @@
-"""Versions of all that a run's numbers hang on."""
+"""Versions of all libraries that a run's numbers depend on."""
 
 from __future__ import annotations
 

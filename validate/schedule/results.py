@@ -1,4 +1,4 @@
-"""What a schedule's runs came to, as sweeps have it: for each avatar, and for both, all runs at all steps in one row.
+"""Results of a schedule's runs in the form of sweeps: for each avatar, and for both, all runs at all steps in one row.
 
 Item r · K + k of a result is run r at step k. Resamples of trials and markers are shared by all, so that differences
 between strategies keep their pairing.

@@ -1,4 +1,4 @@
-"""What a strategy gets to know: the cameras, where the targets are expected, and what stays the same in a run."""
+"""The input of a strategy: the cameras, the expected positions of the targets, and the constants of a run."""
 
 from __future__ import annotations
 

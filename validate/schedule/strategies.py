@@ -1,4 +1,4 @@
-"""Who follows whom (section 4.2): strategies, each a function from what is known to the avatar of each camera.
+"""Strategies (section 4.2): each is a function from a state to the avatar that each camera follows.
 
 The paper's are (1) `follow_throughout`, (2a) `swap_to_farther` and (2b) `swap_to_closer`. One's own is any function of
 a `StrategyState` that returns one avatar's name for each camera; see docs/hallway.md.

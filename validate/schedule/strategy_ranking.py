@@ -1,4 +1,4 @@
-"""Ranking of the strategies: by predicted PSS, against each measure of what was measured."""
+"""Ranking of the strategies: by predicted PSS, against each measure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What stands for a walking person in the metric: a cylinder as in the paper, a box, its mesh, or its markers."""
+"""Surrogates of a walking person in the metric: a cylinder as in the paper, a box, its mesh, or its markers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The hallway's calibration: noise weights and limits of detection, fitted on views that nothing is judged on.
+"""The hallway's calibration: noise weights and limits of detection, fitted on views that are not evaluated.
 
 The people stand elsewhere (between the steps, in other lanes), and the cameras look at them less exactly, at other
 zooms and focused beside them, so that blur and size vary as much as they do where cameras are late.

@@ -1,4 +1,4 @@
-"""Leave a schedule's report: from the run itself, or again from its tables, the store and the cameras steered anew."""
+"""Write a schedule's report: from the run itself, or again from its tables, the store and cameras steered again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rank statistics over configurations, and intervals that know what the configurations share.
+"""Rank statistics over configurations, and intervals that account for what the configurations share.
 
 Two configurations with a camera in common, and all configurations at the same point, err together; resampling the
 configurations as if each were new gives intervals far too short. So chance is put where it enters: a sweep, whose steps

@@ -1,4 +1,4 @@
-"""What it costs to choose by a number: the regret of the best of some configurations, and that of the oracle.
+"""Regret of choosing the best of some configurations by a number, and that of the oracle.
 
 Regret is 1 − measured(chosen)/max measured on one half of the trials, averaged over the halves. The oracle chooses by
 the other half's measurement, and is charged on the same terms: even a perfect choice loses something, as the best

@@ -1,4 +1,4 @@
-"""What a covariance that is right looks like after a few trials: axes and 1/σ of sample moments drawn from it.
+"""Sample moments of few trials under a correct covariance: their axes and 1/σ.
 
 The moment of n draws from C is n⁻¹ times a Wishart matrix. Its ellipsoid is longer than C's: after 20 draws
 from one of 3 to 1 to 1, the longest axis is 3.7 times the shortest in the median. So a measured axis ratio is compared

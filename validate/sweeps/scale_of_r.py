@@ -1,4 +1,4 @@
-"""What the unit of R does to a ranking: the paper's PSS of R, R/10, …, beside what the filter measured (`scale.csv`).
+"""The effect of the unit of R on a ranking: the paper's PSS of R, R/10, …, beside the filter's (`scale.csv`).
 
 The paper adds m² to px², so that the unit of R is undefined. A whole R times s multiplies every single-frame C by s and
 changes no rank. P∞ weighs R against the process noise: where R is far too large, a point that two cameras see is hardly

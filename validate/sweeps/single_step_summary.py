@@ -1,4 +1,4 @@
-"""What a run prints of a scene measured as it is: the error in mm by object, and predicted against measured PSS."""
+"""Console output for a scene measured as it is: the error in mm by object, and predicted against measured PSS."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a run prints: correlation, optima and regret of each sweep, the paper's claims, and what was lost on the way."""
+"""Console output of a run: correlation, optima and regret of each sweep, the paper's claims, and failures."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ def consistency(
 
     A cell is a marker in a frame of a trial, with a track that is not lost: lost tracks have no position. (A
     prediction counts as lost if the track was lost after the frame before.) `share_tracked` is how many cells these
-    are, so that a filter does not look good by losing what is difficult.
+    are, so that losing the difficult markers cannot improve a filter's score unseen.
 
     Intervals (95 %, `…_ci_low`, `…_ci_high`) come from random weights of markers crossed with blocks of frames. The
     trials of a frame share its rendered image, and with it the frozen bias of its detections: they get one weight
@@ -62,12 +62,12 @@ def consistency(
 
     Returns:
         Rows with `group`, `min_views` (0 or 2), `markers`, `frames`, `trials`, `share_tracked` (these cells, of all
-        markers in all frames of all trials), `losses` and `reacquired` (sums over trials and markers), `share_gated`
-        (detections thrown out, of those that met a gate or a start; these three of the group, whatever the views), and
-        for each kind `…_cells`, `…_nees_per_dof`, `…_coverage_50`, `_90` and `_95` (share of errors inside the
-        ellipsoid that should hold so many per cent), `…_rms_m` and `…_claimed_rms_m` (√ of the mean tr P of the same
-        cells). With `predicted`, also `…_predicted_rms_m` and `…_common_rms_m`, predicted and measured, of the cells
-        that have both. What has no cell is nan.
+        markers in all frames of all trials), `track_losses` and `reacquired` (sums over trials and markers),
+        `share_gated` (detections thrown out, of those that met a gate or a start; these three of the group, whatever
+        the views), and for each kind `…_cells`, `…_nees_per_dof`, `…_coverage_50`, `_90` and `_95` (share of errors
+        inside the ellipsoid that should hold so many per cent), `…_rms_m` and `…_claimed_rms_m` (√ of the mean tr P of
+        the same cells). With `predicted`, also `…_predicted_rms_m` and `…_common_rms_m`, predicted and measured, of the
+        cells that have both. What has no cell is nan.
 
     Raises:
         ShapeError: truth, masks or predictions do not fit the tracks.

@@ -1,4 +1,4 @@
-"""What the metric predicts of a walk: the Riccati recursion along its frames, and not the steady state of any of them.
+"""The metric's prediction of a walk: the Riccati recursion along its frames, not the steady state of any of them.
 
 In a walk the cameras are set anew in each frame and points come into sight and go, so that no steady state is reached.
 What the filter's covariance is to be held against is the recursion from the first frame on.
