@@ -71,25 +71,18 @@ def _static(number: int, out: Path, table: str | None, source: ViewSource, dry_r
 def _walk(number: int, out: Path, table: str | None, source: ViewSource, dry_run: bool) -> list[Path]:
     # Imported late: slow, and requested for one figure alone.
     from validate.plots.paper_walk import walk_figure, walk_rows
-    from validate.schedule.held import assess_held, design_of, training_levels
     from validate.schedule.results import result_of
-    from validate.schedule.runs import steered_runs
     from validate.schedule.stage import BOTH, stage_of
-    from validate.schedule.training import calibrate_hallway, training_views
+    from validate.tracked_walk import path
 
     file = load_schedule(SCHEDULE)
     stage = stage_of(file, scenes.load(file.scene_path))
-    source.messages.note("steering the cameras")
-    runs = steered_runs(file, stage, {})
-    training = training_views(file, stage, source.renderer)
-    design = design_of(file, stage, runs, source.renderer)
-    requested = [item for place in training for item in place.requested] + design.requested
+    planned_walk = path.planned(file, stage, {}, source, real_walk=False)
     if dry_run:
-        _announce(number, requested, source.store)
+        _announce(number, planned_walk.views, source.store)
         return []
-    acquired = _acquired(number, requested, source)
-    levels = training_levels(stage, training, acquired)
-    result = result_of(assess_held(design, acquired, calibrate_hallway(training, acquired), levels), BOTH)
+    _, held = path.assessed(planned_walk, _acquired(number, planned_walk.views, source))
+    result = result_of(held, BOTH)
     return _write(number, out, table, lambda: walk_figure(result), walk_rows(result))
 
 

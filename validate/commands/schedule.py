@@ -31,22 +31,22 @@ from validate.runs.tables import as_written, write_csv
 from validate.runs.versions import versions
 from validate.schedule.agreement import ALL_RUNS, agreement_rows
 from validate.schedule.claims import claim_rows
-from validate.schedule.held import FULL_MODEL, Design, assess_held, design_of, held_contenders, training_levels
+from validate.schedule.held import FULL_MODEL, Design, Held, held_contenders
 from validate.schedule.own_cameras import own_cameras
 from validate.schedule.own_strategy import own_strategy
 from validate.schedule.process_rows import process_rows
 from validate.schedule.results import ScheduleResult, result_of
 from validate.schedule.rows import held_configuration_rows, held_point_rows, run_rows
-from validate.schedule.runs import Run, steered_runs, strategies_of
+from validate.schedule.runs import Run, strategies_of
 from validate.schedule.stage import BOTH, stage_of
 from validate.schedule.strategy_ranking import ranking_rows, strategy_rows
-from validate.schedule.training import calibrate_hallway, training_views
 from validate.schedule_pages.files import of_schedule, write_schedule_report
 from validate.schedule_pages.tables import schedule_table
 from validate.sweeps.correlation import correlation_rows
 from validate.sweeps.rows import detection_rows, timing_rows, view_rows
 from validate.tracked_walk.files import write_real_walk
-from validate.tracked_walk.frames import real_walk_of, track_real_walk
+from validate.tracked_walk.frames import track_real_walk
+from validate.tracked_walk.path import assessed, planned
 from validate.tracked_walk.requested_views import RequestedViews
 
 __all__ = ["execute"]
@@ -67,13 +67,7 @@ def execute(options: Schedule) -> int:
     stage = stage_of(file, scenes.load(options.scene or file.scene_path, overrides, allow_outside=shared.allow_outside))
     with RunMessages(shared.quiet) as messages:
         source = open_source(shared.store, shared.variant, messages, shared.scale)
-        messages.note("steering the cameras")
-        runs = steered_runs(file, stage, own)
-        requested = RequestedViews(
-            training_views(file, stage, source.renderer),
-            design_of(file, stage, runs, source.renderer),
-            real_walk_of(file, stage, own, source.renderer) if options.real_walk else None,
-        )
+        requested = planned(file, stage, own, source, real_walk=options.real_walk)
         if not shared.dry_run:
             messages.start(folder, "schedule", schedule=options.schedule, store=shared.store)
         for warning in stage.scene.warnings:
@@ -83,7 +77,7 @@ def execute(options: Schedule) -> int:
             of_run |= {"overrides": overrides, "strategy": options.strategy, "variant": shared.variant}
             of_run |= {"allow_outside": shared.allow_outside, "report": options.report}
             return _judge(requested, folder, source, of_run)
-        counts = [f"{file.name}: {len(runs)} runs of {len(requested.design.scenes)} steps"]
+        counts = [f"{file.name}: {len(requested.design.runs)} runs of {len(requested.design.scenes)} steps"]
         if requested.real is not None:
             counts.append(f"the real walk: {len(requested.real.scenes)} frames")
         announce(counts, requested.views, source, folder)
@@ -108,11 +102,11 @@ def _judge(
     predicted_with: dict[str, object] = {}
     reported = 0.0
     if whole is not None:
-        calibration = calibrate_hallway(whole.training, acquired)
+        calibration, held = assessed(whole, acquired)
         contenders = held_contenders(whole.design.stage.scene, calibration)
         predicted_with = {**judged(contenders)}
         write_text(folder / "calibrated.toml", calibration.to_toml())
-        tables, both = _write_tables(whole, acquired, calibration, folder)
+        tables, both = _write_tables(whole, held, acquired, calibration, folder)
         linked_views(folder, [i.request.key for i in requested.views if i.request.key not in acquired.failed], store)
         after_tables = time.perf_counter()
         if options["report"]:
@@ -141,12 +135,10 @@ def _judge(
 
 
 def _write_tables(
-    whole: RequestedViews, acquired: Acquired, calibration: Calibration, folder: Path
+    whole: RequestedViews, held: Held, acquired: Acquired, calibration: Calibration, folder: Path
 ) -> tuple[dict[str, list[Row]], ScheduleResult]:
     """Tables and figure of the held steps; the tables, and the result of both avatars."""
     design = whole.design
-    levels = training_levels(design.stage, whole.training, acquired)
-    held = assess_held(design, acquired, calibration, levels)
     results = [result_of(held, avatar) for avatar in design.stage.groups]
     both = results[-1]
     first = _run_of(design.runs, "follow")

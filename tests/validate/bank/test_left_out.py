@@ -19,6 +19,7 @@ from validate.commands import schedule
 from validate.commands.options import StepOptions
 from validate.commands.subcommands import Schedule
 from validate.runs.exit_codes import EXIT_DONE, EXIT_FAILED
+from validate.tracked_walk import path
 
 CAUSE = "ValueError: made to fail"
 # One strategy under two limits, few steps, and the trials that are drawn: what is asked is which runs are left.
@@ -65,7 +66,7 @@ def _acquired(requested_views, failed):
 @pytest.mark.parametrize("which", ["none", "of one run", "of every run"])
 def test_a_schedule_leaves_out_the_runs_that_need_a_failed_view(tmp_path, monkeypatch, capsys, which):
     """The other run's tables are there, and the exit code tells; a view that all need leaves none, and that is said."""
-    designs, design_of = [], schedule.design_of
+    designs, design_of = [], path.design_of
 
     def remembered(*arguments):
         designs.append(design_of(*arguments))
@@ -78,7 +79,7 @@ def test_a_schedule_leaves_out_the_runs_that_need_a_failed_view(tmp_path, monkey
         assert which == "none" or chosen_keys
         return _acquired(requested_views, sorted(chosen_keys)[:1])
 
-    monkeypatch.setattr(schedule, "design_of", remembered)
+    monkeypatch.setattr(path, "design_of", remembered)
     monkeypatch.setattr(ViewSource, "acquire", acquire)
     monkeypatch.setattr(schedule, "view_rows", lambda *_: [])  # asks for certificates, which no drawn view has
     monkeypatch.setattr(schedule, "_draw", lambda *_: None)

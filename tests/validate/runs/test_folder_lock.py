@@ -93,10 +93,8 @@ def test_a_run_that_is_refused_leaves_nothing(held):
 )
 def test_every_command_that_writes_into_a_folder_is_refused(tmp_path, capsys, monkeypatch, arguments):
     """Exit code 2 and one line, before anything is rendered; here a thread of the same process has the folder."""
-    for steering in ("validate.commands.schedule.steered_runs",):
-        monkeypatch.setattr(steering, lambda *_: ())
-    for slow in ("training_views", "design_of", "real_walk_of"):
-        monkeypatch.setattr(f"validate.commands.schedule.{slow}", lambda *_: ())
+    for slow in ("steered_runs", "training_views", "design_of", "real_walk_of"):
+        monkeypatch.setattr(f"validate.tracked_walk.path.{slow}", lambda *_: ())
     if arguments[0] == "compare":
         a_run(tmp_path / "one"), a_run(tmp_path / "two")
     places = {
