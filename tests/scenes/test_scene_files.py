@@ -28,7 +28,7 @@ def test_the_shipped_room_is_the_papers(room):
     assert sorted(marker.id for marker in room.state.markers) == list(range(84))
     assert [camera.name for camera in room.cameras] == list("1234567")
     assert [item.shape.name for item in room.state.objects] == ["board", "ball", "plinth"]
-    assert [model.name for model in room.noise_models] == ["as-printed", "corrected", "physical"]
+    assert [model.name for model in room.noise_models] == ["as-printed", "corrected", "physical", "calibrated"]
     assert room.process == RandomWalk(step_std_m=1e-3)
     assert (room.state.room.width_m, room.state.light.panels[1].centre_m) == (6.0, (1.4, 1.2))
 

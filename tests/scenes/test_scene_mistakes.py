@@ -152,11 +152,11 @@ BROKEN = {
     "noise model twice": (
         [('"corrected"', '"as-printed"')],
         "noise.models",
-        '["as-printed", "as-printed", "physical"]',
+        '["as-printed", "as-printed", "physical", "calibrated"]',
         "once",
     ),
     "no noise model": (
-        [('["as-printed", "corrected", "physical"]', "[]")],
+        [('["as-printed", "corrected", "physical", "calibrated"]', "[]")],
         "noise.models",
         "[]",
         "one or more, at most 30, of as-printed",
