@@ -55,13 +55,14 @@ def parsed(arguments: Sequence[str]) -> Any:
         SystemExit: the help was printed, or the parser does not accept an option.
     """
     name, first = program_name(), arguments[0] if arguments else ""
-    if first.startswith("-"):  # the help of the program, or a shell's completion script
+    if first in ("-h", "--help") or first.replace("_", "-").startswith("--tyro-"):  # or a shell's completion script
         return _overview(with_sweeps=first.replace("_", "-").startswith("--tyro-")).cli(
             prog=name, description=named_as_called(DESCRIPTION), args=arguments
         )
     words = list(arguments)
     if first not in SUBCOMMANDS:  # tyro has no command whose word can be left out
-        _check_first_word(first)
+        if not first.startswith("-"):  # options may come before the sweeps
+            _check_first_word(first)
         words.insert(0, "sweep")
     # Parsed by itself: beside a misspelt option tyro names those of all commands that it knows.
     return tyro.cli(SUBCOMMANDS[words[0]], prog=f"{name} {words[0]}", args=words[1:])
