@@ -1,7 +1,7 @@
 """Every stored file of a run damaged in turn: each is noticed and made again, none is used, and the result is the same.
 
 The renderer is a stand-in that draws noise, and measuring is done in this process, so that it is about the store alone;
-`tests/validate/store/test_store_sweep.py` does the same with the real ones.
+`tests/validate/sweeps/test_store_sweep.py` does the same with the real ones.
 """
 
 from __future__ import annotations
