@@ -91,6 +91,28 @@ def test_some_libraries_are_imported_by_one_file(name, door):
     assert found == {door}, ONE_DOOR[name, door]
 
 
+# (file, function that calls json.dumps): why it may.
+JSON_WRITERS = {
+    ("pss/json_text.py", "json_text"): "is the writer",
+    ("pss/toml_text.py", "_quoted"): "escapes a text for TOML",
+    ("render/keys.py", "digest_of"): "hashes the text, and nobody reads it",
+    ("scenes/errors.py", "_as_toml"): "shows a value in a message",
+}
+
+
+def test_json_has_one_writer():
+    """Whoever calls `json.dumps` itself is listed with a reason."""
+    found = set()
+    for path in modules(*PACKAGES):
+        if "json" in {name for name, _ in imports(path)}:
+            for function in ast.walk(tree(path)):
+                if isinstance(function, ast.FunctionDef):
+                    for node in ast.walk(function):
+                        if isinstance(node, ast.Attribute) and ast.unparse(node) in ("json.dumps", "json.dump"):
+                            found.add((relative(path), function.name))
+    assert found == set(JSON_WRITERS)
+
+
 def test_no_test_module_imports_another():
     """What several of them need is a fixture in a conftest, or in tests/helpers."""
     for path in modules("tests"):

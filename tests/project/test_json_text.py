@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import dataclasses
 import math
 
@@ -16,18 +15,9 @@ from render.renderer import Certificate
 from render.store.checksums import sum_path
 from render.store.folder import Store
 from render.store.views import certificate_of, load_view, save_view
-from tests.helpers.sources import PACKAGES, modules, relative, tree
 from tests.helpers.strict_json import strict
 from tests.helpers.views import an_awkward_view
 from validate.runs.events import EVENTS, EventFile
-
-# (file, function that calls json.dumps): why it may.
-ALLOWED = {
-    ("pss/json_text.py", "json_text"): "is the writer",
-    ("pss/noise/calibrated.py", "_quoted"): "escapes a text for TOML",
-    ("render/keys.py", "digest_of"): "hashes the text, and nobody reads it",
-    ("scenes/errors.py", "_written"): "shows a value in a message",
-}
 
 
 def test_numbers_that_json_lacks_are_null():
@@ -42,18 +32,6 @@ def test_numbers_that_json_lacks_are_null():
 def test_what_is_no_data_is_refused():
     with pytest.raises(TypeError):
         json_text({"a": object(), "b": math.nan})
-
-
-def test_there_is_one_writer():
-    """Whoever calls `json.dumps` itself is listed with a reason."""
-    found = set()
-    for path in modules(*PACKAGES):
-        for function in ast.walk(tree(path)):
-            if isinstance(function, ast.FunctionDef):
-                for node in ast.walk(function):
-                    if isinstance(node, ast.Attribute) and ast.unparse(node) in ("json.dumps", "json.dump"):
-                        found.add((relative(path), function.name))
-    assert found == set(ALLOWED)
 
 
 WITHOUT_EDGES = Certificate(math.nan, math.nan, math.nan, 0.1, 0.2, 1000, 0.0)

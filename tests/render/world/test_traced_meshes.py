@@ -60,6 +60,7 @@ def test_the_light_is_the_same_by_either(hallway, mi):
     np.testing.assert_allclose(traced.irradiance(points, normals), own.irradiance(points, normals), rtol=SAME_LIGHT)
 
 
+@pytest.mark.slow
 def test_other_shapes_and_other_variants_keep_their_own_search(hallway):
     class Scalar:
         def variant(self):

@@ -201,6 +201,7 @@ def test_a_level_and_sharp_marker_is_localised_every_time():
     assert np.trace(bound) / np.trace(np.cov(np.array([f.centre_px for f in found]).T)) > LEAST_EFFICIENCY_LEVEL
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_residuals_are_the_sensors_noise(case):
     """Reduced χ² of the fits: 1, over all captures of a case."""

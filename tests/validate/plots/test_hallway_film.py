@@ -19,6 +19,8 @@ from validate.plots.film import FILM_ENDINGS, write_film
 from validate.plots.film_frame import PICTURE_PX, FilmFrame, draw_frame
 from validate.runs.palette import CATEGORIES
 
+pytestmark = pytest.mark.slow
+
 ROOM = Room(6.0, 10.0, 3.0, 0.6, 0.3, 0.75)
 WIDTH, HEIGHT = 640, 480
 # The file's order is not that of the plan: far right, near left, far left, near right.
@@ -252,7 +254,6 @@ def shown():
     return pictures
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("ending", list(FILM_ENDINGS))
 def test_a_film_has_its_frames_in_their_order(tmp_path, shown, ending):
     write_film(tmp_path / f"film{ending}", iter(walk()), ROOM, "follow", frames_per_second=4.0)
@@ -277,7 +278,6 @@ def test_each_picture_has_the_way_up_to_its_own_step(tmp_path, monkeypatch):
     assert len(ways) == 3
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("ending", list(FILM_ENDINGS))
 def test_the_marks_of_what_was_found_keep_their_colour(tmp_path, ending):
     """They are few pixels among many greys, which a palette may leave without a colour of their own."""

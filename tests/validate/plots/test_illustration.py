@@ -24,6 +24,8 @@ from validate.plots.room3d import SOLIDS, draw_state
 from validate.plots.sweep import draw_curves, shown_steps, sweep_figure, write_round_numbers
 from validate.stats.stars import star_heights
 
+pytestmark = pytest.mark.slow
+
 SCENES = Path(__file__).parents[3] / "scenes"
 # px: what rounding to whole pixels may add to an extent.
 ROUNDING_PX = 1.0

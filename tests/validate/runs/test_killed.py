@@ -18,6 +18,8 @@ from render.store.atomic import ABANDONED_S
 from tests.helpers.closet import DETERMINED
 from tests.helpers.whole_files import check_all_whole, tables, temporary_files, uninterrupted, with_sweep
 
+pytestmark = pytest.mark.slow
+
 # Of the campaign: at random moments, and at steps between two things done to files, where nothing else would be hit.
 MOMENTS, STEPS = 30, 20
 SEED = 2026

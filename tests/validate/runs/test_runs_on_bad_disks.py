@@ -10,6 +10,8 @@ import pytest
 from tests.helpers.disks import remounted, small_file_system
 from tests.helpers.whole_files import check_all_whole, tables, temporary_files, uninterrupted, with_sweep
 
+pytestmark = pytest.mark.slow
+
 # Room for the light and for one of two views of 250 kB each; and for all.
 TOO_SMALL, ENOUGH = "520k", "4m"
 YEAR_S = 365 * 86400

@@ -17,6 +17,8 @@ from tests.helpers.closet import DETERMINED, SWEEP
 from tests.helpers.drawn_sweep import Runs
 from tests.helpers.whole_files import check_all_whole, tables, temporary_files, with_sweep
 
+pytestmark = pytest.mark.slow
+
 # s, that each view takes: the second of two runs that start within a second of each other finds the first at work.
 DRAWING_S = 0.3
 VIEWS = 7
@@ -98,7 +100,6 @@ def test_a_process_that_is_held_up_is_not_waited_for(other, tmp_path, monkeypatc
     assert other[0].is_alive()
 
 
-@pytest.mark.slow
 def test_without_locks_all_come_in_their_order(tmp_path, monkeypatch):
     """A system without them, and a store that is not there and cannot be made."""
     (tmp_path / "file").write_text("")
