@@ -7,6 +7,7 @@ from pathlib import Path
 
 from pss import RangeError
 from scenes import Scene, SweepFile, known_sweeps
+from scenes.reading.document import SWEEP_PREFIX
 from validate.acquire.options import HERE, Scale
 from validate.runs.file_names import check_default_folder, check_names, sweep_name
 from validate.runs.input_files import load_measurement_of, load_sweeps
@@ -83,13 +84,20 @@ class RunRequest:
             check_default_folder(self.names, self.folder)
         check_folders(self.folder, self.store)
 
-    def load(self) -> list[tuple[SweepFile, Scene]]:
+    def load(self, scene: Scene | None = None) -> list[tuple[SweepFile, Scene]]:
         """The sweeps with their scenes, or the scene that is measured, as a sweep of one step.
 
+        Args:
+            scene: of all sweeps, in place of a file.
+
         Raises:
+            RangeError: an override of a scene file, where there is none.
             SceneError: with every problem of all files, a line each.
         """
         if self.cameras is None:
-            return load_sweeps(self.sweeps, self.scene, self.overrides, self.allow_outside)
+            for each in self.overrides if scene is not None else ():
+                if not each.strip().startswith(SWEEP_PREFIX):
+                    raise RangeError(f"override {each!r}; allowed with a scene object: {SWEEP_PREFIX}KEY=VALUE")
+            return load_sweeps(self.sweeps, scene or self.scene, self.overrides, self.allow_outside)
         assert self.scene is not None
         return [load_measurement_of(self.scene, self.cameras, self.overrides, self.allow_outside)]

@@ -45,7 +45,7 @@ def sweep(
     *sweeps: str | Path,
     trials: int | None = None,
     store: str | Path = "results/store",
-    scene: str | Path | None = None,
+    scene: str | Path | Scene | None = None,
     overrides: Sequence[str] = (),
     seed: int | None = None,
     variant: str | None = None,
@@ -61,7 +61,7 @@ def sweep(
         sweeps: names of files in scenes/sweeps, or paths of such files.
         trials: noisy captures of each view, in place of the sweeps' own number.
         store: folder of rendered views and measurements, shared by all runs, or an address (docs/store.md).
-        scene: scene file to use in place of the sweeps' own.
+        scene: scene, or path of a scene file, to use in place of the sweeps' own.
         overrides: "KEY=VALUE" of the scene file, or "sweep.KEY=VALUE" of the sweep file.
         seed: of the run, in place of the sweeps' own.
         variant: Mitsuba's variant (default: LLVM if a libLLVM is found, else scalar).
@@ -76,7 +76,7 @@ def sweep(
     """
     request = RunRequest(
         tuple(map(str, sweeps)),
-        None if scene is None else Path(scene),
+        Path(scene.path if isinstance(scene, Scene) else scene) if scene is not None else None,
         None,
         str(store),
         trials,
@@ -89,6 +89,6 @@ def sweep(
     request.check()
     if Path(request.store).is_file():
         raise StoreError(f"store {store} is a file; allowed is a folder")
-    began, loaded = time.perf_counter(), request.load()
+    began, loaded = time.perf_counter(), request.load(scene if isinstance(scene, Scene) else None)
     with RunMessages(quiet) as messages:
         return compute(request, loaded, open_source(request.store, variant, messages, scale), began)

@@ -13,9 +13,9 @@ __all__ = ["load_measurement_of", "load_sweeps"]
 
 
 def load_sweeps(
-    names: Sequence[str], scene_path: Path | None, overrides: Sequence[str], allow_outside: bool
+    names: Sequence[str], given: Path | Scene | None, overrides: Sequence[str], allow_outside: bool
 ) -> list[tuple[SweepFile, Scene]]:
-    """Sweeps with their scenes, or all with the one at `scene_path`.
+    """Sweeps with their scenes, or all with one: `given`, or the one of the file at that path.
 
     Raises:
         SceneError: with every problem of all files, a line each.
@@ -24,7 +24,11 @@ def load_sweeps(
     for name in names:
         try:
             sweep = load_sweep(name, overrides, allow_outside=allow_outside)
-            scene = scenes.load(scene_path or sweep.scene_path, overrides, allow_outside=allow_outside)
+            scene = (
+                given
+                if isinstance(given, Scene)
+                else scenes.load(given or sweep.scene_path, overrides, allow_outside=allow_outside)
+            )
             sweep.configurations(scene)  # raises what is wrong with them
             loaded.append((sweep, scene))
         except SceneError as error:

@@ -12,6 +12,7 @@ import numpy as np
 import pandas
 import pytest
 
+import scenes
 import validate
 from pss import MissingLibraryError, RangeError
 from render.store.folder import StoreError
@@ -48,7 +49,10 @@ def made(tmp_path_factory):
         result = validate.sweep(*FILES, store="store")
         result.save("library")
         plots = result.plot()
-    return SimpleNamespace(folder=folder, result=result, plots=plots, loaded=validate.load(folder / "library"))
+        by_object = validate.sweep("zooming.toml", store="store", scene=scenes.load("closet.toml"))
+    return SimpleNamespace(
+        folder=folder, result=result, by_object=by_object, plots=plots, loaded=validate.load(folder / "library")
+    )
 
 
 def files(folder):
@@ -143,6 +147,18 @@ def test_column_names_of_older_versions_are_read_as_todays(made, tmp_path):
     table.write_text(table.read_text().replace("measure,", "yardstick,", 1))
     assert "yardstick" in table.read_text()
     pandas.testing.assert_frame_equal(validate.load(copy).table("correlation"), made.result.table("correlation"))
+
+
+def test_a_scene_object_stands_for_its_file(made):
+    steps = made.result.table("configurations")
+    of_zoom = steps[steps["sweep"] == "zooming"]
+    found = made.by_object.table("configurations")
+    assert found["value"].tolist() == [1.5, 2.0, 3.0] * 2  # text beside the names of selected cameras
+    pandas.testing.assert_frame_equal(of_zoom.drop(columns="value"), found.drop(columns="value"))
+    assert made.by_object.acquired.rendered == 0
+    scene = made.by_object.sweeps[0].plan.scene
+    with pytest.raises(RangeError, match=r"override 'lens.f_number=2'; allowed with a scene object: sweep\.KEY=VALUE"):
+        validate.sweep("zoom", scene=scene, overrides=["lens.f_number=2"])
 
 
 def test_columns_of_names_stay_text():
