@@ -16,6 +16,8 @@ import pytest
 
 # Fixtures that start Mitsuba or solve the light of the shipped room.
 FIXTURES = frozenset({"mi", "room_store", "room_renderer"})
+# Acceptance tests run whole commands, and none of them is part of `make quick`.
+MAY_RENDER = ("render", "acceptance")
 STAND_IN = Path(__file__).parent / "without_renderer"
 
 
@@ -33,9 +35,9 @@ class Guard:
         self._test = ""
 
     def enter(self, item: pytest.Item) -> None:
-        """Begin with a test: refuse Mitsuba here and in new processes, unless the test carries the marker."""
+        """Begin with a test: refuse Mitsuba here and in new processes, unless the test carries one of `MAY_RENDER`."""
         path = [part for part in os.environ.get("PYTHONPATH", "").split(os.pathsep) if part and part != str(STAND_IN)]
-        self._test = "" if item.get_closest_marker("render") else item.nodeid
+        self._test = "" if any(item.get_closest_marker(name) for name in MAY_RENDER) else item.nodeid
         os.environ["PYTHONPATH"] = os.pathsep.join(([str(STAND_IN)] if self._test else []) + path)
 
     def find_spec(
