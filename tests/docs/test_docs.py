@@ -35,6 +35,7 @@ from validate.sweeps import correlation
 # Pages whose Python needs what another test gives it.
 RUN_ELSEWHERE = {
     "README.md": "tests/docs/test_readme.py::test_the_example_runs",
+    "docs/library.md": "tests/docs/test_library_doc.py::test_the_notebooks_code_prints_what_is_stored",
     "docs/scenes.md": "tests/render/files/test_exr.py::test_the_documented_way_to_read_a_view_runs",
     "docs/own-detector.md": (
         "tests/docs/test_own_detector.py::test_the_documented_detector_finds_and_triangulates_drawn_markers"
@@ -49,7 +50,7 @@ SLOW = {
     "make quick": "runs most of these tests",
     "make acceptance": "the longest tests",
     "make docs": "the fixture `site` of test_docs_pages.py builds the same",
-    "make notebook": "test_the_notebook_runs_in_a_kernel of test_docs_pages.py runs it",
+    "make notebook": "test_the_notebook_runs_in_a_kernel of test_library_doc.py runs it",
     ".venv/bin/python validate/run_sweep.py bank": "half an hour; tests/validate/bank/test_bank.py runs a small one",
     ".venv/bin/python validate/run_sweep.py calibration-error": "needs the bank's views",
     ".venv/bin/python validate/run_sweep.py schedule hallway": "half an hour and as long again for the real walk",

@@ -8,7 +8,6 @@ import csv
 import dataclasses
 import importlib
 import io
-import json
 import re
 import runpy
 import subprocess
@@ -34,7 +33,6 @@ from validate.prediction.frusta import room_corners
 from validate.runs.csv_file import read_head
 
 EQUATIONS_OF_THE_PAPER = 15
-NOTEBOOK = DOCS / "notebook.ipynb"
 # Figures on docs/limits.md are those of these pages, which are generated or describe what was measured once.
 WHERE_FIGURES_ARE_FROM = ("docs/findings.md", "CHANGELOG.md")
 
@@ -207,36 +205,6 @@ def test_the_example_sensor_of_python_is_that_of_toml():
     assert sorted(rows) == sorted(table)
 
 
-# ---- the notebook ----------------------------------------------------------------------------------------------------
-
-
-def printed(cell: dict) -> str:
-    return "".join("".join(output.get("text", ())) for output in cell["outputs"] if output["output_type"] == "stream")
-
-
-def test_the_notebooks_code_prints_what_is_stored(monkeypatch):
-    """Its cells in order, in this process: a kernel is slower to start than they are to run."""
-    import matplotlib.pyplot as plt
-
-    monkeypatch.chdir(DOCS)
-    plt.switch_backend("agg")  # no windows, wherever the tests run
-    plt.close("all")
-    names: dict[str, object] = {}
-    pictures = 0
-    for number, cell in enumerate(json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]):
-        if cell["cell_type"] != "code":
-            continue
-        printed_text = io.StringIO()
-        with contextlib.redirect_stdout(printed_text):
-            exec(compile("".join(cell["source"]), f"notebook-{number}", "exec"), names)
-        assert printed_text.getvalue() == printed(cell), number
-        stored = sum("image/png" in output.get("data", {}) for output in cell["outputs"])
-        assert len(plt.get_fignums()) == stored, number
-        pictures += stored
-        plt.close("all")
-    assert pictures == 3
-
-
 # ---- the site --------------------------------------------------------------------------------------------------------
 
 
@@ -258,7 +226,7 @@ def site(tmp_path_factory):
 
 @pytest.mark.slow
 def test_every_page_is_on_the_site_and_in_its_contents(site):
-    pages = {path.stem for path in (*DOCS.glob("*.md"), NOTEBOOK)}
+    pages = {path.stem for path in (*DOCS.glob("*.md"), *DOCS.glob("*.ipynb"))}
     assert pages <= site.keys()
     for name in pages - {"index"}:
         assert f'href="{name}.html"' in site["index"], name
@@ -323,16 +291,6 @@ def test_the_first_picture_gives_markers_the_colour_of_their_error(first_screen)
 
 
 # ---- longer ----------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.acceptance
-def test_the_notebook_runs_in_a_kernel():
-    """As `make notebook` runs it; the text of its outputs is the one stored."""
-    again = runpy.run_path(str(DOCS / "run_notebook.py"))["executed"]()
-    stored = json.loads(NOTEBOOK.read_text(encoding="utf-8"))
-    for one, other in zip(again.cells, stored["cells"], strict=True):
-        if one.cell_type == "code":
-            assert printed(one) == printed(other)
 
 
 RUNS = {

@@ -107,7 +107,10 @@ class Comparison:
     def __str__(self) -> str:
         """The table as text."""
         text = io.StringIO()
-        Console(file=text, width=WIDTH).print(ratio_table(self.name, self.rows))
+        # Not as HTML, which the base class shows by itself in a notebook.
+        Console(file=text, width=WIDTH, force_jupyter=False, force_terminal=False).print(
+            ratio_table(self.name, self.rows)
+        )
         return text.getvalue().rstrip("\n")
 
     __repr__ = __str__
