@@ -164,7 +164,7 @@ def test_the_first_lines_of_the_first_run_are_its_tables():
         expected = first_lines(list(csv.DictReader(opened)))
     shown = [[cell.strip() for cell in line.split("│")] for line in block.text.splitlines()[1:]]
     assert {(cells[2], cells[3], cells[4]) for cells in shown} == expected
-    assert len(shown) == len(expected) == 6
+    assert len(shown) == len(expected) == 8
     with (folder / "configurations.csv").open(encoding="utf-8") as opened:
         rows = list(csv.DictReader(opened))
     columns = {
