@@ -44,7 +44,7 @@ from validate.prediction.contenders import (
     scene_contenders,
     visibilities,
 )
-from validate.prediction.frozen import FrozenCalibration, leave, provenance_of, read_frozen
+from validate.prediction.frozen import FrozenCalibration, provenance_of, read_frozen, save_calibration
 from validate.prediction.process_levels import Level
 from validate.runs.console import Console
 from validate.runs.csv_file import read_tables
@@ -158,7 +158,7 @@ def _judge_all(
             calibration = calibrate(training, acquired, design, out, banks[1])
         else:
             calibration = frozen.calibration
-            leave(frozen, out)
+            save_calibration(frozen, out)
         calibrated_by = provenance_of(calibration, frozen)
         by_file = {bank.scene.path.name: bank.scene for bank in (held_out, *others)}
         predicted_with = {name: judged(scene_contenders(scene, calibration)) for name, scene in by_file.items()}
@@ -205,16 +205,16 @@ def judge(
     seed: int,
     counts: tuple[int, ...],
     levels: Sequence[Level],
-    tell: Callable[[str], None] = lambda line: None,
+    report: Callable[[str], None] = lambda line: None,
 ) -> dict[str, list[Row]]:
-    """All tables of a held-out bank, by name; the filter at `levels` of process noise; `tell` hears what is done."""
+    """All tables of a held-out bank, by name; the filter at `levels` of process noise; `report` gets a line for each step."""
     data = data_of(bank, acquired, seed)
     models, contenders = noise_models(bank.scene, calibration), scene_contenders(bank.scene, calibration)
     rows: dict[str, list[Row]] = {"leaderboard": [], "ceiling": [], "consistency": [], "detection": [], "parts": []}
     rows |= {"sensitivity": [], "blunders": [], "differences": [], "scale": []}
     rows["consistency"] += pixel_rows(bank, data, acquired, models)
     for count in counts:
-        tell(f"{bank.scene.path.stem}: judging {configurations} configurations of {count} cameras")
+        report(f"{bank.scene.path.stem}: evaluating {configurations} configurations of {count} cameras")
         verdict = verdict_of(bank, data, acquired, contenders, count, configurations, seed, filtered=count == HEADLINE)
         rows["leaderboard"] += leaderboard(verdict, requested_pairs(contenders))
         rows["ceiling"] += oracle_rows(bank, data, verdict)

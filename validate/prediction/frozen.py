@@ -12,7 +12,7 @@ from pss.noise import Calibration
 from pss.noise.table import CALIBRATED, SHIPPED_CALIBRATION
 from render.store.folder import write_text
 
-__all__ = ["FrozenCalibration", "leave", "provenance_of", "read_frozen", "sha256_of"]
+__all__ = ["FrozenCalibration", "provenance_of", "read_frozen", "save_calibration", "sha256_of"]
 
 FILE = "calibrated.toml"
 
@@ -46,7 +46,7 @@ def read_frozen(path: Path) -> FrozenCalibration:
     return FrozenCalibration(replace(calibration, name=CALIBRATED), path.name, path.read_bytes().decode("utf-8"))
 
 
-def leave(frozen: FrozenCalibration, out: Path) -> None:
+def save_calibration(frozen: FrozenCalibration, out: Path) -> None:
     """Leave a copy among the results, byte by byte, where a fitted calibration would be."""
     write_text(out / FILE, frozen.text)
 

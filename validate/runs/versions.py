@@ -9,7 +9,7 @@ __all__ = ["versions"]
 
 
 def versions() -> dict[str, str]:
-    """Of Python and of the packages that a run's numbers hang on."""
+    """Of Python and of the packages that a run's numbers depend on."""
     packages = ("mitsuba", "drjit", "opencv-contrib-python-headless", "numpy", "scipy", "OpenImageIO", "pss-testbed")
     return {name: _version(name) for name in packages} | {"python": platform.python_version()}
 

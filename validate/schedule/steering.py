@@ -2,7 +2,7 @@
 
 In each frame, at time t: the measurement of t − latency arrives and updates an avatar's filter; at every decision, a
 few frames apart, the strategy assigns the cameras; their motors then move, as far as they can, towards the settings for
-where their avatars are predicted to be in the next frame. So aim, zoom and focus hang on predictions alone, and are
+where their avatars are predicted to be in the next frame. So aim, zoom and focus depend on predictions alone, and are
 late where a motor is slow.
 """
 

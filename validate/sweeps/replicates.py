@@ -53,9 +53,9 @@ def sweep_replicates(
     A trial of a view is the same capture in every configuration that has the view, and the points are the same
     everywhere; so a row is one world seen by all configurations, and differences between them keep their pairing. The
     product of two weights counts what is peculiar to one trial of one point about twice: the intervals err to the long
-    side where that dominates. Errors that all points of a trial have in common hang on one variance from T trials, for
-    which 95 % intervals cover about 88 %. What is measured over fewer trials than `FEWEST_RESAMPLED` has no interval:
-    its resamples are nan.
+    side where that dominates. Errors that all points of a trial have in common depend on one variance from T trials,
+    for which 95 % intervals cover about 88 %. What is measured over fewer trials than `FEWEST_RESAMPLED` has no
+    interval: its resamples are nan.
 
     Args:
         errors: one for each configuration, all of T trials and N points.

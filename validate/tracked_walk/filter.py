@@ -32,7 +32,7 @@ STATES = (3, 6)
 # How often a view is linearised anew where the update has put the point. Of an error e at the distance D, a step of
 # Gauss and Newton leaves about e²/D: at 5 m the first frame after a start (0.15 m) leaves 5 mm, which is several
 # standard deviations, and 4 µm after one more. Of 1 m after coasting, 10 µm are left after the second. It is done in
-# all frames alike: no threshold decides, so that a marker's track does not hang on the tracks beside it.
+# all frames alike: no threshold decides, so that a marker's track does not depend on the tracks beside it.
 RELINEARISATIONS = 2
 
 
