@@ -70,7 +70,7 @@ class Tracking:
 
 
 def noisy_positions(sigma_m: float, seed: int) -> Measure:
-    """Measurements with Gaussian noise of `sigma_m` along each axis; those of an avatar and frame depend on the seed."""
+    """Measurements with Gaussian noise of `sigma_m` along each axis; reproducible by the seed."""
 
     def measure(name: str, frame: int, position_m: Floats) -> Floats:
         rng = random_stream(seed, name, "measured position", frame)
