@@ -207,7 +207,7 @@ def judge(
     levels: Sequence[Level],
     report: Callable[[str], None] = lambda line: None,
 ) -> dict[str, list[Row]]:
-    """Tables of a held-out bank by name; the filter at `levels` of process noise; `report`: called with a line each step."""
+    """Tables of a held-out bank by name; the filter at `levels` of process noise; `report` is called with progress."""
     data = data_of(bank, acquired, seed)
     models, contenders = noise_models(bank.scene, calibration), scene_contenders(bank.scene, calibration)
     rows: dict[str, list[Row]] = {"leaderboard": [], "ceiling": [], "consistency": [], "detection": [], "parts": []}
