@@ -71,7 +71,7 @@ def processor_mark() -> str:
     The kind is the instruction set by which compilers and numerical libraries choose their code: microarchitectures of
     one level round alike. The suffix is empty for `UNNAMED_PROCESSOR`.
     """
-    import archspec.cpu  # late: nobody else asks, and it takes a twentieth of a second
+    import archspec.cpu  # imported late: it takes a twentieth of a second, and is needed only here
 
     kind = archspec.cpu.host().generic.name
     return "" if kind == UNNAMED_PROCESSOR else f"-{kind}"

@@ -62,7 +62,7 @@ def code_of(*entries: str, excluded: tuple[str, ...] = (), root: Path = ROOT) ->
     Args:
         entries: names of modules of the project.
         excluded: modules and libraries that do not count, nor the imports that only they have.
-        root: the folder that holds the project's packages.
+        root: the folder of the project's packages.
 
     Raises:
         FileNotFoundError: an entry, or an imported module, has no source file.

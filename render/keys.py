@@ -35,10 +35,10 @@ __all__ = [
 CONTENT_DIGITS = 16
 STATE_DIGITS = 24
 EXCLUDED = {
-    "render.code_digest": "makes names; what it finds is the name",
-    "pss.surrogates._mesh_files": "reads a mesh from its file, and the name holds the mesh itself",
-    "archspec": "finds the kind of processor, which the renderer's name holds",
-    "cv2": "prints the markers, and the name holds their black and white modules",
+    "render.code_digest": "computes the names, which do not depend on itself",
+    "pss.surrogates._mesh_files": "reads a mesh from its file, and the name includes the mesh itself",
+    "archspec": "finds the kind of processor, which the renderer's name includes",
+    "cv2": "prints the markers, and the name includes their black and white modules",
 }
 """Modules and libraries that a view's code does not count, with the reason."""
 

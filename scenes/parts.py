@@ -1,4 +1,4 @@
-"""The project's objects made of a scene's checked tables: scene state, cameras, sensor, process and noise models."""
+"""The objects of a scene, from its validated tables: scene state, cameras, sensor, process and noise models."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def _light(spec: LightSpec) -> Light:
 
 
 def sensor_of(spec: SceneSpec) -> ImageSensor:
-    """The sensor, with the longest exposure allowed where that is "auto"."""
+    """The sensor, with the longest allowed exposure if that is "auto"."""
     # Resolution and pitch of the pixels are geometry, and belong to the cameras.
     values = spec.sensor.model_dump(include={item.name for item in dataclasses.fields(ImageSensor)})
     auto = auto_exposure_of(spec)

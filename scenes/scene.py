@@ -70,13 +70,13 @@ class Scene:
     _replaced: tuple[str, ...] = field(default=(), repr=False)
 
     def __init__(self, path: str | Path = "scene.toml", *, allow_outside: bool = False, **tables: object) -> None:
-        """Check the tables and make the scene of them.
+        """Check the tables and build the scene.
 
         Args:
             path: where the scene's file would be; messages begin with it.
             allow_outside: whether files outside its folder may be used; if not, each is a problem.
             tables: room, light, sensor, lens, cameras, markers, objects, process, noise, and if needed backdrop and
-                metric: mappings, or lists of mappings. Tuples and numpy arrays stand for lists.
+                metric: mappings, or lists of mappings. Tuples and numpy arrays are accepted as lists.
 
         Raises:
             SceneError: with every problem, a line each.
@@ -94,7 +94,7 @@ class Scene:
     def replace(self, **parts: Any) -> Scene:
         """The same scene with other objects, such as `cameras=` or `noise_models=`: attributes by name.
 
-        Unlike `with_settings`, it takes what no file can hold, and checks nothing; such a scene cannot be saved.
+        Unlike `with_settings`, it accepts objects without checks, also those no file can have; such a scene cannot be saved.
         """
         allowed = [item.name for item in dataclasses.fields(self)]
         for name in parts:
@@ -137,7 +137,7 @@ class Scene:
             ccd_noise, px2_per_m2: constants in place of the sensor's and the file's.
 
         Raises:
-            RangeError: there is no such model, or the file's switches leave none of its factors.
+            RangeError: there is no such model, or the file's switches remove all of its factors.
         """
         noise = self._spec.noise
         if px2_per_m2 is not None:
@@ -190,10 +190,10 @@ class Scene:
         return self._spec.model_dump(mode="json", by_alias=True, exclude_none=True)
 
     def to_toml(self) -> str:
-        """The text of a scene file that makes the same scene, with overrides and defaults filled in.
+        """The text of a scene file of the same scene, with overrides and defaults applied.
 
         Raises:
-            SceneError: objects of the scene were replaced, which no file can hold.
+            SceneError: objects of the scene were replaced, which no file can express.
         """
         self._check_described()
         return toml_text(self.resolved())

@@ -78,7 +78,7 @@ class Metric:
 
 
 class MetricTable(EntryPointTable[Metric]):
-    """Metrics by name: this project's own, then those of installed entry points, which are looked for when needed."""
+    """Metrics by name: this project's own, then those of installed entry points, which are loaded when needed."""
 
     def __init__(self, metrics: Sequence[Metric]) -> None:
         super().__init__(ENTRY_POINTS, "metric", ((metric.name, metric) for metric in metrics))

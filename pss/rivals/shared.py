@@ -74,7 +74,7 @@ def resolvable_six(six: Floats) -> tuple[Bools, Floats]:
 
 
 def largest_sigma_m(six: Floats) -> Floats:
-    """Metres, √λmax of the inverses of information matrices (6, M) in 1/m²; ∞ where there is none, (M,)."""
+    """Metres, √λmax of the inverses of information matrices (6, M) in 1/m²; ∞ where it has no inverse, (M,)."""
     fixed, smallest = resolvable_six(six)
     return np.where(fixed, 1 / np.sqrt(np.where(fixed, smallest, 1.0)), np.inf)
 

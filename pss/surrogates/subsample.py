@@ -233,5 +233,7 @@ def _as_settings(inverse_sigma: ArrayLike, count: int) -> Floats:
     if values.ndim not in (1, 2) or values.shape[-1] != count or values.size == 0:
         raise ShapeError(f"inverse_sigma has shape {values.shape}; allowed is ({count},) or (K, {count})")
     if not (np.isfinite(values) & (values >= 0)).all():
-        raise RangeError("inverse_sigma holds what is not finite or below 0; allowed: 0 /m (unobservable) and above")
+        raise RangeError(
+            "inverse_sigma has a value that is not finite or below 0; allowed: 0 /m (unobservable) and above"
+        )
     return np.atleast_2d(values)

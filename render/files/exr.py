@@ -170,7 +170,7 @@ def _check_planes(path: Path, planes: dict[str, Any], camera: PTZCamera, size: t
         plane = planes.get(name)
         # Written so that nan fails.
         if plane is not None and not ((plane >= lowest) & (plane <= highest) & (plane == np.round(plane))).all():
-            raise ImageFileError(f"{path}: {name} holds what is no whole number from {lowest} to {highest}")
+            raise ImageFileError(f"{path}: {name} has a value that is not a whole number from {lowest} to {highest}")
 
 
 @contextlib.contextmanager

@@ -123,4 +123,4 @@ def _check(arrays: Arrays, state: SceneState) -> None:
     if arrays["marker_ids"].tolist() != [marker.id for marker in state.markers]:
         raise ValueError("its markers are not those of the scene")
     if not all(np.isfinite(arrays[name]).all() for name in ("vertices_m", "radiance", "plates_m", "textures")):
-        raise ValueError("it holds what is no number")
+        raise ValueError("it has a value that is not a finite number")
