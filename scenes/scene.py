@@ -94,7 +94,7 @@ class Scene:
     def replace(self, **parts: Any) -> Scene:
         """The same scene with other objects, such as `cameras=` or `noise_models=`: attributes by name.
 
-        Unlike `with_settings`, it accepts objects without checks, also those no file can have; such a scene cannot be saved.
+        Unlike `with_settings`, it accepts objects without checks; the resulting scene cannot be saved.
         """
         allowed = [item.name for item in dataclasses.fields(self)]
         for name in parts:
