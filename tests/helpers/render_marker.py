@@ -22,9 +22,12 @@ STAND_IN = Path(__file__).parent / "without_renderer"
 
 
 def mark(items: Sequence[pytest.Item]) -> None:
-    """Add the marker to the tests that use one of `FIXTURES`, directly or through another fixture."""
+    """Add the marker to the tests that use one of `FIXTURES`, directly or through another fixture.
+
+    And to acceptance tests, most of which run the whole command.
+    """
     for item in items:
-        if FIXTURES & set(getattr(item, "fixturenames", ())):
+        if FIXTURES & set(getattr(item, "fixturenames", ())) or item.get_closest_marker("acceptance"):
             item.add_marker(pytest.mark.render)
 
 

@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[2]
 # From the ground up. A package's own `__init__` is above all of its rooms: it only passes names on.
 ROOMS = {
     "pss": (
-        *("errors", "hints", "json_text", "files", "entry_points", "inputs"),
+        *("errors", "hints", "json_text", "toml_text", "files", "entry_points", "inputs"),
         *("riccati", "processes", "cameras", "surrogates", "noise", "visibility", "modalities"),
         *("metric", "rivals", "metrics"),
     ),
@@ -22,7 +22,7 @@ ROOMS = {
         *("code_digest", "random_streams", "images", "backend", "sensor"),
         *("world", "light", "keys", "lens", "renderer", "files", "captures", "store", "viewing"),
     ),
-    "scenes": (*("errors", "reading", "people", "schema", "mesh_file", "markers", "rules", "scene", "steps"),),
+    "scenes": (*("errors", "reading", "people", "schema", "mesh_file", "markers", "rules", "parts", "scene", "steps"),),
     "validate": (
         *("runs", "stats", "markers", "prediction", "points", "acquire"),
         *("sweeps", "bank", "schedule", "pixel_noise"),
