@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, uniform_filter
 
 from pss import ImageSensor, PTZCamera
+from render.certificate import EDGE_SPREAD, POOLED_PX
 from render.lens import thin_lens
 from render.lens.sampling import Sampled, Sampling, pixel_means, sample_image
-from render.renderer import EDGE_SPREAD, POOLED_PX, Renderer
+from render.renderer import Renderer
 from render.sensor import expected_electrons
 
 __all__ = ["Noise", "Spent", "Study", "spent"]

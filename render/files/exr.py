@@ -31,10 +31,11 @@ from numpy.typing import NDArray
 
 from pss import ImageSensor, PSSError, PTZCamera, RangeError
 from pss.json_text import json_text
+from render.certificate import Certificate
 from render.files.exr_attributes import standard_attributes
 from render.images import one_line, open_image
 from render.keys import view_code
-from render.renderer import Certificate, RenderedView, ViewRequest
+from render.renderer import RenderedView, ViewRequest
 
 __all__ = ["ImageFileError", "ViewPlanes", "read_planes", "read_view", "write_view"]
 

@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from pss import RangeError
+from render.certificate import Certificate
 from render.files.exr import ImageFileError, ViewPlanes, read_planes, read_view, write_view
 from render.keys import view_code
-from render.renderer import Certificate, RenderedView, ViewRequest
+from render.renderer import RenderedView, ViewRequest
 from render.store.atomic import disk_full, free_bytes
 from render.store.folder import Store, StoreError
 

@@ -27,9 +27,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import PTZCamera
+from render.certificate import Certificate
 from render.files.exr import write_view
 from render.random_streams import random_stream
-from render.renderer import Certificate, RenderedView, ViewRequest
+from render.renderer import RenderedView, ViewRequest
 from render.world.marker_print import pattern
 from render.world.state import Marker, SceneState
 from tests.helpers.processes import environment

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 
 import scenes
+from render.certificate import Certificate
 from render.keys import state_key
 from render.lens.sampling import Sampling
-from render.renderer import Certificate, RenderedView
+from render.renderer import RenderedView
 from render.store.folder import Store
 from render.store.views import save_view
 from scenes import load_sweep

@@ -6,7 +6,7 @@ import dataclasses
 
 from rich.console import Console
 
-from render.renderer import Certificate
+from render.certificate import Certificate
 from tests.helpers.stored_views import MARKER, REQUEST
 from validate.acquire.job import Made, Place
 from validate.acquire.request import Acquisition

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import ImageSensor, PTZCamera
+from render.certificate import Certificate
 from render.lens import thin_lens
 from render.lens.sampling import Sampling
-from render.renderer import Certificate, RenderedView, ViewRequest
+from render.renderer import RenderedView, ViewRequest
 from render.world.state import Light, MarkerPrint, Room, SceneState
 
 Floats = NDArray[np.float64]

@@ -10,8 +10,8 @@ import pytest
 
 from pss import RangeError
 from pss.json_text import as_json, json_text
+from render.certificate import Certificate
 from render.files.exr import read_view, write_view
-from render.renderer import Certificate
 from render.store.checksums import sum_path
 from render.store.folder import Store
 from render.store.views import certificate_of, load_view, save_view

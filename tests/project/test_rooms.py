@@ -20,7 +20,7 @@ ROOMS = {
     ),
     "render": (
         *("code_digest", "random_streams", "images", "backend", "sensor"),
-        *("world", "light", "keys", "lens", "renderer", "files", "captures", "store", "viewing"),
+        *("world", "light", "keys", "lens", "certificate", "renderer", "files", "captures", "store", "viewing"),
     ),
     "scenes": (*("errors", "reading", "people", "schema", "mesh_file", "markers", "rules", "parts", "scene", "steps"),),
     "validate": (

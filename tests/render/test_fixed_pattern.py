@@ -14,9 +14,10 @@ import scipy.stats
 import render.captures
 import validate.markers.view_measurement
 from pss import ImageSensor, PTZCamera
+from render.certificate import Certificate
 from render.files.exr import write_view
 from render.lens.sampling import Sampling
-from render.renderer import Certificate, RenderedView, ViewRequest
+from render.renderer import RenderedView, ViewRequest
 from render.sensor import capture, fixed_pattern
 from render.store.folder import Store
 from render.world.state import Light, MarkerPrint, Room, SceneState

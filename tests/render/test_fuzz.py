@@ -11,9 +11,10 @@ import pytest
 import trimesh
 
 from pss import ImageSensor, PTZCamera
+from render.certificate import Certificate
 from render.files.exr import write_view
 from render.lens.sampling import Sampling
-from render.renderer import Certificate, RenderedView, ViewRequest
+from render.renderer import RenderedView, ViewRequest
 from render.store.folder import Store
 from render.world.state import Light, MarkerPrint, Room, SceneState
 from tests.helpers.fuzzing import campaign, prepare

@@ -16,9 +16,10 @@ import cv2
 
 from pss import ImageSensor, PTZCamera
 from render import backend
+from render.certificate import Certificate
 from render.keys import state_key
 from render.lens.sampling import Sampling
-from render.renderer import Certificate, Renderer, ViewRequest
+from render.renderer import Renderer, ViewRequest
 from render.store.folder import Store, StoreError
 from render.store.light import baked
 from render.store.remote import open_store

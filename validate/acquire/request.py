@@ -6,9 +6,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 from pss import Appearance, PSSError, PTZCamera
+from render.certificate import Certificate
 from render.keys import state_key
 from render.lens.sampling import Sampling
-from render.renderer import Certificate, ViewRequest
+from render.renderer import ViewRequest
 from render.store.folder import Store
 from scenes import Scene
 from validate.markers.view_measurement import MeasureTask, ViewMeasurement

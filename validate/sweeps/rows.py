@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss.hints import Floats, Row
-from render.renderer import Certificate
+from render.certificate import Certificate
 from scenes import Configuration
 from validate.acquire.acquire import Acquired, Acquisition
 from validate.markers.darkness import markers_too_dark

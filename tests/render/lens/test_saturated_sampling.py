@@ -11,8 +11,8 @@ from scipy.ndimage import maximum_filter
 
 import scenes
 from pss import ImageSensor
+from render.certificate import certify
 from render.lens.sampling import Sampling, sample_image
-from render.renderer import certify
 from render.sensor import capture, surely_saturated
 from scenes import SceneError
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import pytest
 
 from pss import ImageSensor, PTZCamera
+from render.certificate import Certificate
 from render.lens.sampling import Sampling
-from render.renderer import Certificate, ViewRequest
+from render.renderer import ViewRequest
 from tests.helpers.keyed_state import STATE
 from validate.acquire.acquire import Acquired, Acquisition
 from validate.acquire.quality_warnings import SATURATED_SHARE, warn_of_render_noise, warn_of_saturation
