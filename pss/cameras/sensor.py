@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pss.cameras.views import CameraModel
+from pss.cameras.parameters import CameraModel
 from pss.errors import RangeError
 from pss.hints import AnyFloats
 

@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 
 from pss.cameras.appearance import Appearance
 from pss.cameras.camera import PTZCamera, as_points
-from pss.cameras.views import Cameras, Views
+from pss.cameras.parameters import Cameras
+from pss.cameras.views import Views
 from pss.errors import RangeError, ShapeError
 from pss.hints import Bools, Floats, Indices
 from pss.inputs import members

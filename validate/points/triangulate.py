@@ -17,7 +17,8 @@ import scipy.stats
 from numpy.typing import ArrayLike
 
 from pss.cameras.camera import PTZCamera
-from pss.cameras.views import Cameras, Views
+from pss.cameras.parameters import Cameras
+from pss.cameras.views import Views
 from pss.errors import RangeError, ShapeError
 from pss.hints import Bools, Floats, Integers
 

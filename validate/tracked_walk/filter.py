@@ -16,7 +16,8 @@ import scipy.stats
 from numpy.typing import ArrayLike
 
 from pss import PTZCamera, RangeError, ShapeError
-from pss.cameras.views import Cameras, Views
+from pss.cameras.parameters import Cameras
+from pss.cameras.views import Views
 from pss.hints import Bools, Floats, Integers
 from pss.processes.process import ProcessModel, require_positive
 from pss.riccati.covariances import largest_standard_deviation
