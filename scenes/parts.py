@@ -27,17 +27,13 @@ from scenes.people.avatar import walking
 from scenes.rules.checks import shape_of
 from scenes.rules.predictions import named_model
 from scenes.schema.avatar import AvatarSpec, stance_of
+from scenes.schema.camera_tables import CameraSpec
 from scenes.schema.dictionaries import DICTIONARIES
 from scenes.schema.meshes import MeshSpec
 from scenes.schema.motion import motion_of
-from scenes.schema.scene_tables import (
-    CameraSpec,
-    ConstantAccelerationSpec,
-    ConstantVelocitySpec,
-    LightSpec,
-    RandomWalkSpec,
-    SceneSpec,
-)
+from scenes.schema.prediction_tables import ConstantAccelerationSpec, ConstantVelocitySpec, RandomWalkSpec
+from scenes.schema.room_tables import LightSpec
+from scenes.schema.scene_tables import SceneSpec
 
 __all__ = ["auto_exposure_of", "camera_of", "noise_models_of", "process_of", "sensor_of", "state_of"]
 

@@ -11,7 +11,7 @@ from pss import Rectangle, Sphere
 from pss.hints import Floats
 from render.world.state import Marker
 from scenes.schema.dictionaries import Dictionary
-from scenes.schema.scene_tables import GridSpec, PlacedSpec, SpiralSpec
+from scenes.schema.object_tables import GridSpec, PlacedSpec, SpiralSpec
 
 __all__ = [
     "largest_spiral_module_m",

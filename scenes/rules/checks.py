@@ -15,16 +15,11 @@ from scenes.reading.spec import known, present
 from scenes.rules.avatar_checks import check_avatars
 from scenes.rules.optics import FAR_M, check_optics
 from scenes.schema.avatar import AvatarSpec, stance_of
+from scenes.schema.camera_tables import CameraSpec
 from scenes.schema.meshes import MeshSpec
-from scenes.schema.scene_tables import (
-    BoxSpec,
-    CameraSpec,
-    LightSpec,
-    RectangleSpec,
-    RoomSpec,
-    SceneSpec,
-    SphereSpec,
-)
+from scenes.schema.object_tables import BoxSpec, RectangleSpec, SphereSpec
+from scenes.schema.room_tables import LightSpec, RoomSpec
+from scenes.schema.scene_tables import SceneSpec
 
 __all__ = ["check_names", "check_scene", "extent_m", "inside_room", "room_allows", "room_size", "shape_of"]
 

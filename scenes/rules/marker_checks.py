@@ -29,7 +29,8 @@ from scenes.rules.checks import extent_m, inside_room, room_allows, room_size, s
 from scenes.schema.avatar import AvatarSpec
 from scenes.schema.dictionaries import DICTIONARIES, Dictionary
 from scenes.schema.meshes import MeshSpec, SpreadSpec
-from scenes.schema.scene_tables import GridSpec, PlacedSpec, SceneSpec, SpiralSpec
+from scenes.schema.object_tables import GridSpec, PlacedSpec, SpiralSpec
+from scenes.schema.scene_tables import SceneSpec
 
 __all__ = ["check_markers"]
 

@@ -9,7 +9,8 @@ from pss.cameras.camera import MOST_BLADES
 from render.images import MOST_PIXELS
 from scenes.errors import Location, Problems, allowed_in
 from scenes.reading.spec import known, present
-from scenes.schema.scene_tables import CameraSpec, SceneSpec
+from scenes.schema.camera_tables import CameraSpec
+from scenes.schema.scene_tables import SceneSpec
 
 __all__ = ["FAR_M", "aperture_allows", "check_optics"]
 

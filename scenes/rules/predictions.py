@@ -11,7 +11,8 @@ from pss.visibility.points import VisibilityTest
 from pss.visibility.targets import VISIBILITIES
 from scenes.errors import Location, Problems, allowed_in, nearest
 from scenes.reading.inside import may_open
-from scenes.schema.scene_tables import NoiseSpec, SceneSpec
+from scenes.schema.prediction_tables import NoiseSpec
+from scenes.schema.scene_tables import SceneSpec
 
 __all__ = ["CALIBRATION_FILE", "check_predictions", "named_model", "named_visibility"]
 

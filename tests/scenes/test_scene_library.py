@@ -14,7 +14,7 @@ import scenes
 from pss.noise import Calibration
 from render.keys import state_key
 from scenes import Scene, SceneError
-from scenes.schema.scene_tables import CameraSpec
+from scenes.schema.camera_tables import CameraSpec
 
 FOLDER = Path(scenes.__file__).parent
 NAMES = sorted(path.stem for path in FOLDER.glob("*.toml"))

@@ -13,7 +13,7 @@ import scenes
 import scenes.reading.sensor_file
 from scenes import SceneError
 from scenes.reading.sensor_file import known_sensors, read_sensor
-from scenes.schema.scene_tables import SensorFileSpec, SensorSpec
+from scenes.schema.camera_tables import SensorFileSpec, SensorSpec
 
 FOLDER = Path(scenes.__file__).parent
 ROOM = (FOLDER / "room.toml").read_text()
