@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 import scenes
-import scenes.schema.scene_tables
 from pss import Appearance, ImageSensor, PTZCamera, RangeError
 from render.lens.sampling import Sampling
 from render.light.exposure import AutoExposure, choose_exposure

@@ -14,17 +14,11 @@ from pss.hints import CsvRow
 from validate.findings.contenders import CALIBRATED, IDENTITY, PHYSICAL, PRINTED
 from validate.findings.places import Place, places_of_reference
 from validate.findings.process import MOTIONS, at_headline, less_counts, level_words
-from validate.findings.sentences import (
-    DIFFERENCE,
-    LESS_COUNT,
-    NEUTRAL,
-    RIGHT_SIZE,
-    decided,
-    is_better,
-    lost_rankings,
-    neutral_row,
-    with_ends,
-)
+from validate.findings.sentence import DIFFERENCE, LESS_COUNT
+from validate.findings.sentence_choosing import lost_rankings, with_ends
+from validate.findings.sentence_printed import is_better
+from validate.findings.sentence_ranking import NEUTRAL, decided, neutral_row
+from validate.findings.sentence_size import RIGHT_SIZE
 from validate.runs.csv_file import bounds, read_tables, value_of
 from validate.runs.numbers import NOTHING, number, percent_with_range
 from validate.runs.table_text import markdown_table
