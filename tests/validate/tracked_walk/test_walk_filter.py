@@ -23,7 +23,8 @@ from validate.schedule.state import Avatar, Plan
 from validate.schedule.steering import steer
 from validate.schedule.strategies import STRATEGIES
 from validate.schedule.walk import passing
-from validate.tracked_walk.filter import WalkFiltering, track_walk
+from validate.tracked_walk.filter import track_walk
+from validate.tracked_walk.marker_filters import WalkFiltering
 from validate.tracked_walk.riccati import riccati_along
 
 # Probability outside the χ² bands of a test, shared by the bands; the seeds are fixed, so that a pass stays a pass.
