@@ -8,14 +8,7 @@ from collections.abc import Sequence
 from pss.hints import CsvRow
 from validate.findings.contenders import CALIBRATED, PHYSICAL
 from validate.findings.places import COUNT, SHARE, Place
-from validate.findings.process import (
-    MOTIONS,
-    at_headline,
-    at_the_scenes,
-    less_counts,
-    level_words,
-    ratio_words,
-)
+from validate.findings.process import MOTIONS, at_headline, at_the_scenes, less_counts, level_words, ratio_words
 from validate.findings.sentence import LESS_COUNT, Sentence, from_to, own_population
 from validate.runs.csv_file import value_of
 from validate.runs.numbers import number
