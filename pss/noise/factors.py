@@ -13,7 +13,7 @@ from typing import Protocol, TypeVar, runtime_checkable
 import numpy as np
 
 from pss.cameras.views import Views
-from pss.errors import RangeError, ShapeError
+from pss.errors import PSSError, RangeError, ShapeError
 from pss.inputs import number, numbers
 from pss.noise.covariance import PixelCovariance
 
@@ -199,10 +199,15 @@ def covariance_of(factor: NoiseFactor, views: Views) -> PixelCovariance:
 
     Raises:
         ShapeError: the factor returns another shape.
-        RangeError: it returns neither, or matrices that are not symmetric positive semidefinite.
+        RangeError: it raises, returns neither, or matrices that are not symmetric positive semidefinite.
     """
-    returned: object = factor.covariance(views)
     owner = f"noise factor {factor.name!r}"
+    try:
+        returned: object = factor.covariance(views)
+    except (PSSError, MemoryError):
+        raise
+    except Exception as error:  # third-party code: the message needs the factor's name
+        raise RangeError(f"{owner} raised {type(error).__name__}: {error}; allowed: a factor that returns R") from error
     count = (len(views.cameras), len(views.points_m))
     matrices = f"an array of matrices in px² that broadcasts to {(*count, 2, 2)}"
     allowed = f"a PixelCovariance, such as PixelCovariance.isotropic(variance_px2), or {matrices}"

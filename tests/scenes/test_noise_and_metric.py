@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import shutil
+from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import scenes
-from pss import noise_model
+from pss import NOISE_MODELS, NoiseModel, noise_model
 from pss.noise import Calibration, IdentityNoise, Weighted
 from pss.visibility.targets import TARGET_VISIBILITY, Legible
 from scenes import SceneError
+from tests.helpers.entry_points import Entry
 from tests.helpers.installed import own_noise
 
 ROOM = Path(__file__).parents[2] / "scenes" / "room.toml"
@@ -131,3 +135,26 @@ def test_what_would_be_without_effect_is_one_line(room, overrides, message):
 def test_a_calibration_without_limits_does_not_count_as_seen(room):
     (room.parent / "weights.toml").write_text(Calibration("mine", {"floor": 1.0}, {}).to_toml())
     assert "a calibration with [limits]" in problem(room, "metric.visibility=weights.toml")
+
+
+@dataclass(frozen=True)
+class OfArrays:
+    """A factor that cannot be compared with another one: Python asks an array whether it is true."""
+
+    matrix: np.ndarray
+    name: str = "of-arrays"
+
+    def covariance(self, views):
+        return self.matrix
+
+
+def test_a_model_that_cannot_be_compared_may_have_the_scale_of_equation_11(room, monkeypatch):
+    entries = (Entry("mine", lambda settings: NoiseModel("mine", (OfArrays(settings.px2_per_m2 * np.eye(2)),))),)
+    monkeypatch.setattr(importlib.metadata, "entry_points", lambda *, group: entries)
+    NOISE_MODELS.reload_entry_points()
+    try:
+        scene = scenes.load(room, ('noise.models=["mine"]', "noise.px2_per_m2=3.0"))
+    finally:
+        monkeypatch.undo()
+        NOISE_MODELS.reload_entry_points()
+    assert scene.noise_models[0].factors[0].matrix.tolist() == [[3, 0], [0, 3]]

@@ -26,7 +26,7 @@ from validate.bank.design import BankDesign, ViewBank, draw_configurations, held
 from validate.bank.judge import appearance_of, data_of
 from validate.commands.subcommands import CalibrationError
 from validate.plots.calibration_error import draw
-from validate.prediction.contenders import noise_models, own_models, visibilities
+from validate.prediction.contenders import FULL_MODEL, noise_models, own_models, visibilities
 from validate.runs.console import Console
 from validate.runs.outputs import check_folders
 from validate.runs.tables import write_csv
@@ -93,7 +93,7 @@ def _rank(
     data = data_of(bank, acquired, seed)
     rng = random_stream(seed, bank.scene.path.name, "calibration error")
     drawn = draw_configurations([camera.name for camera in bank.cameras], CAMERAS, configurations, rng)
-    (model,) = (model for model in noise_models(loaded, calibration) if model.name == calibration.name)
+    (model,) = (model for model in noise_models(loaded, calibration) if model.name == FULL_MODEL)
     views = Views(list(bank.cameras), data.points_m, loaded.state.normals, appearance_of(loaded, acquired))
     visible = visible_in(views, loaded.state.occluders, visibilities(loaded, calibration)["fitted limits"])
     rows = study(data, Predictions(views, visible, model, drawn))

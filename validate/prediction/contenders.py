@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from pss import DetectionModel, Legible, NoiseModel
-from pss.noise import CALIBRATED, CALIBRATION_LIMITS, SCALED_MODELS, Calibration, Weighted
+from pss.noise import CALIBRATED, CALIBRATION_LIMITS, SCALED_MODELS, Calibration, NoiseFactor, Weighted
 from pss.visibility.points import VISIBILITY_TESTS, VisibilityTest
 from pss.visibility.targets import TARGET_VISIBILITY, within_limits
 from scenes import Scene
@@ -85,7 +85,8 @@ def noise_models(scene: Scene, calibration: Calibration) -> list[NoiseModel]:
     return [
         *free.values(),
         *in_unit,
-        calibration.model(scene.sensor, scene.sensor.ccd_noise),
+        # Whatever its file calls it: there it may have the name of another model.
+        replace(calibration.model(scene.sensor, scene.sensor.ccd_noise), name=FULL_MODEL),
         *own_models(scene),
     ]
 
@@ -107,9 +108,9 @@ def scene_contenders(scene: Scene, calibration: Calibration) -> list[Contender]:
         *(Contender(name, models[name], scene.visibility) for name in FREE_MODELS),
         *(Contender(SCALED[name], models[SCALED[name]], scene.visibility) for name in calibration.scales),
         Contender(PHYSICAL_WHOLE, models[PHYSICAL], visible["whole markers"]),
-        Contender(CALIBRATED_R, models[calibration.name], scene.visibility),
-        Contender(CALIBRATED_LIMITS, models[calibration.name], visible["fitted limits"]),
-        _full_model(models[calibration.name], visible, detection_model_of(scene, calibration)),
+        Contender(CALIBRATED_R, models[FULL_MODEL], scene.visibility),
+        Contender(CALIBRATED_LIMITS, models[FULL_MODEL], visible["fitted limits"]),
+        _full_model(models[FULL_MODEL], visible, detection_model_of(scene, calibration)),
         *(Contender(model.name, model, scene.visibility) for model in own_models(scene)),
     ]
 
@@ -145,10 +146,15 @@ def judged(contenders: Iterable[Contender]) -> dict[str, dict[str, object]]:
             "noise": [factor.name for factor in contender.noise.factors],
             "visibility": tests + ["probability of detection"] * (contender.detection is not None),
         }
-        weights = {factor.name: factor.weight for factor in contender.noise.factors if isinstance(factor, Weighted)}
+        weights = {factor.name: _weight(factor) for factor in contender.noise.factors if isinstance(factor, Weighted)}
         if weights:
             found[contender.name]["weights"] = weights
         for test in contender.visibility:
             if isinstance(test, Legible):
                 found[contender.name]["limits"] = {name: getattr(test, name) for name in CALIBRATION_LIMITS}
     return found
+
+
+def _weight(factor: NoiseFactor) -> float:
+    """Its weight in the sum: a factor of a calibration that the scene weights has both."""
+    return factor.weight * _weight(factor.factor) if isinstance(factor, Weighted) else 1.0

@@ -8,7 +8,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from pss import NOISE_MODELS, Appearance, ImageSensor, NoiseModel, NoiseSettings, PTZCamera, RangeError, noise_model
+from pss import (
+    NOISE_MODELS,
+    Appearance,
+    ImageSensor,
+    NoiseModel,
+    NoiseSettings,
+    PTZCamera,
+    RangeError,
+    ShapeError,
+    noise_model,
+)
 from pss.noise import Calibration, IdentityNoise, NoiseTable, shipped_calibration
 from pss.noise.table import ENTRY_POINTS, SHIPPED_CALIBRATION
 from pss.visibility.targets import Legible, visibility_tests
@@ -137,6 +147,26 @@ def test_a_function_that_fails_is_named(entries):
         table["broken"](NoiseSettings())
     with pytest.raises(RangeError, match=r"noise model 'number' is built as 42; allowed: a pss\.NoiseModel"):
         table["number"](NoiseSettings())
+
+
+@dataclass(frozen=True)
+class Broken:
+    """A factor with a mistake in it."""
+
+    error: Exception
+    name: str = "broken"
+
+    def covariance(self, views):
+        raise self.error
+
+
+def test_a_factor_that_fails_is_named():
+    """An error of the project, and lack of memory, stay what they are."""
+    with pytest.raises(RangeError, match="noise factor 'broken' raised KeyError: 'wind'"):
+        covariance(NoiseModel("mine", (Broken(KeyError("wind")),)))
+    for error in (ShapeError("of mine"), MemoryError("of mine")):
+        with pytest.raises(type(error), match=r"^of mine$"):
+            covariance(NoiseModel("mine", (IdentityNoise(), Broken(error))))
 
 
 def test_the_example_of_the_docs_is_in_the_table_while_it_is_installed(tmp_path):

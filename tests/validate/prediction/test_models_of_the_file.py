@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import json
 import shutil
 from pathlib import Path
@@ -19,7 +20,7 @@ from tests.helpers.made_up_schedule import made_up_schedule
 from validate import run_sweep
 from validate.acquire.source import ViewSource
 from validate.commands import bank
-from validate.prediction.contenders import judged, listed_contenders
+from validate.prediction.contenders import SCALED, judged, listed_contenders, scene_contenders
 from validate.runs.csv_file import read_csv
 
 ROOT = Path(__file__).parents[3]
@@ -110,3 +111,20 @@ def test_in_all_tables_of_a_schedule(mine, tmp_path):
     for name, path in tables.items():
         assert {"calibrated", "as-printed", mine} <= models_in(path), name
     assert mine in (made.out / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_calibration_may_have_the_name_of_another_model(room):
+    """A bank and a schedule judge both: the calibration is "calibrated" there, whatever its file calls it."""
+    shipped = shipped_calibration()
+    plain = {each.name: each.noise.factors for each in scene_contenders(room, shipped)}
+    for name in ("as-printed", "physical", SCALED["identity"]):
+        found = scene_contenders(room, dataclasses.replace(shipped, name=name))
+        assert {each.name: each.noise.factors for each in found} == plain
+
+
+def test_what_is_recorded_has_both_weights_of_a_factor():
+    """That of the calibration and that of the scene, whose product is in the sum."""
+    scene = scenes.load("room", ['noise.models=["calibrated"]', "noise.weights={brightness-contrast=3}"])
+    ((name, told),) = judged(listed_contenders(scene)).items()
+    assert name == "calibrated weighted"
+    assert told["weights"]["brightness-contrast"] == 3 * shipped_calibration().weights["brightness-contrast"]
