@@ -18,8 +18,8 @@ from render.light.exposure import AutoExposure
 from render.store.atomic import write_text
 from render.world.state import SceneState
 from scenes.errors import Location, Problems, SceneError, nearest
+from scenes.from_tables import auto_exposure_of, camera_of, noise_models_of, process_of, sensor_of, state_of
 from scenes.mesh_file import read_files
-from scenes.parts import auto_exposure_of, camera_of, noise_models_of, process_of, sensor_of, state_of
 from scenes.reading.document import SWEEP_PREFIX, apply_overrides, named_file, read_toml, set_value
 from scenes.reading.inside import OUTSIDE, SHIPPED
 from scenes.reading.python_tables import document_of

@@ -10,10 +10,10 @@ if TYPE_CHECKING:
     from validate.markers.detections import Detections, detect
     from validate.points.from_detections import Points, triangulate
     from validate.prediction.predict import predict
-    from validate.results.result import RunResult
-    from validate.results.sweep import sweep
+    from validate.results.compute import sweep
+    from validate.results.run_result import RunResult
     from validate.runs.saved import SavedRun, load
-    from validate.sweeps.measurement import Comparison, FailedViewError, Measurement, compare, measure
+    from validate.sweeps.measure_and_compare import Comparison, FailedViewError, Measurement, compare, measure
 
 __all__ = [
     "Comparison",
@@ -39,10 +39,10 @@ def __getattr__(name: str) -> object:
         "validate.markers.detections": ("Detections", "detect"),
         "validate.points.from_detections": ("Points", "triangulate"),
         "validate.prediction.predict": ("predict",),
-        "validate.results.result": ("RunResult",),
-        "validate.results.sweep": ("sweep",),
+        "validate.results.run_result": ("RunResult",),
+        "validate.results.compute": ("sweep",),
         "validate.runs.saved": ("SavedRun", "load"),
-        "validate.sweeps.measurement": ("Comparison", "FailedViewError", "Measurement", "compare", "measure"),
+        "validate.sweeps.measure_and_compare": ("Comparison", "FailedViewError", "Measurement", "compare", "measure"),
     }
     for module, names in modules.items():
         if name in names:

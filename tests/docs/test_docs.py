@@ -236,11 +236,11 @@ SWEEPS = [line for line in shell_lines() if not quick(line) and "run_sweep.py" i
 @pytest.mark.parametrize("line", SWEEPS)
 def test_slow_commands_are_understood(line, monkeypatch):
     """Options exist and files load; the work itself is left out."""
-    from validate.commands import run
+    from validate.commands import run_and_save
 
     monkeypatch.chdir(ROOT)
     begun = []
-    monkeypatch.setattr(run, "execute", lambda request, messages: begun.append(request.load()) or 0)
+    monkeypatch.setattr(run_and_save, "execute", lambda request, messages: begun.append(request.load()) or 0)
     words = arguments(line)
     if words[0] in SUBCOMMANDS and words[0] not in ("sweep", "measure"):
         command = importlib.import_module(f"validate.commands.{words[0].replace('-', '_')}")

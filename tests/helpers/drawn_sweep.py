@@ -223,7 +223,7 @@ def main(folder: Path, out: str, killed_at: int | str, sweep: str) -> int:
 
 def serve() -> None:
     """Fork for each line of the standard input; answer with the process's id, and then with its exit code."""
-    importlib.import_module("validate.commands.run")  # what every run needs
+    importlib.import_module("validate.commands.run_and_save")  # what every run needs
 
     answer = os.dup(1)
     os.write(answer, b"ready\n")

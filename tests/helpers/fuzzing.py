@@ -238,7 +238,7 @@ def read_table(path: Path) -> None:
 
 def read_run_file(path: Path) -> None:
     from validate.comparison.sides import Side
-    from validate.results.remade import _run_of
+    from validate.results.report_again import _run_of
     from validate.runs.run_file import listed, needed, option
 
     assert Side("a", path.parent, {}).settings() is not None

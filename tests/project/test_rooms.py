@@ -22,7 +22,9 @@ ROOMS = {
         *("code_digest", "random_streams", "images", "backend", "sensor"),
         *("world", "light", "keys", "lens", "certificate", "renderer", "files", "captures", "store", "viewing"),
     ),
-    "scenes": (*("errors", "reading", "people", "schema", "mesh_file", "markers", "rules", "parts", "scene", "steps"),),
+    "scenes": (
+        *("errors", "reading", "people", "schema", "mesh_file", "markers", "rules", "from_tables", "scene", "steps"),
+    ),
     "validate": (
         *("runs", "stats", "markers", "prediction", "points", "acquire"),
         *("sweeps", "bank", "schedule", "pixel_noise"),

@@ -258,7 +258,7 @@ def test_measurements_hang_on_nothing_that_shows_or_keeps_them():
     assert not set(measure_code().modules) & {
         "render.store.folder",
         "validate.sweeps.rows",
-        "validate.commands.run",
+        "validate.commands.run_and_save",
         "validate.runs.progress",
     }
 
@@ -269,7 +269,7 @@ def test_figures_and_reports_hang_on_all_that_draws_them():
     report = code_of("validate.pages.section", excluded=FIGURES_EXCLUDED)
     assert {
         "validate.plots.room3d",
-        "validate.runs.table_text",
+        "validate.runs.palette",
         "validate.sweeps.slopes",
         "validate.stats.stars",
     } <= set(figures.modules)

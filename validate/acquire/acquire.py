@@ -1,7 +1,8 @@
 """Acquire views: stored ones are loaded, the others are rendered and measured, each view once.
 
 One process renders (Mitsuba's own threads use all cores); others measure what is rendered meanwhile. Or, as
-`validate.scale` is set, worker processes each render and measure one view at a time, on this machine or on others.
+`Scale` of `validate.acquire.options` is set, worker processes each render and measure one view at a time, on this
+machine or on others.
 """
 
 from __future__ import annotations

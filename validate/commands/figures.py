@@ -25,7 +25,7 @@ from validate.runs.folder_lock import alone_in
 from validate.runs.outputs import check_folders
 from validate.runs.progress import EXPECTED_SECONDS, clock
 from validate.runs.table_text import table_text
-from validate.sweeps.path import assessed, planned, requested_views
+from validate.sweeps.plan_and_assess import assessed, planned, requested_views
 
 __all__ = ["execute"]
 

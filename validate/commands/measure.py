@@ -6,9 +6,9 @@ from pathlib import Path
 
 from scenes.reading.document import named_file
 from validate.acquire.messages import RunMessages
-from validate.commands import run
+from validate.commands import run_and_save
 from validate.commands.subcommands import Measure
-from validate.results.request import RunRequest
+from validate.results.run_request import RunRequest
 
 __all__ = ["execute"]
 
@@ -39,4 +39,4 @@ def execute(options: Measure) -> int:
         options.cameras,
     )
     with RunMessages(shared.quiet) as messages:
-        return run.execute(of_run, messages)
+        return run_and_save.execute(of_run, messages)

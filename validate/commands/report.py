@@ -6,7 +6,7 @@ import contextlib
 
 from validate.commands.subcommands import Report
 from validate.pages.named import Given
-from validate.results.remade import remade
+from validate.results.report_again import remade
 from validate.runs.folder_lock import alone_in
 
 __all__ = ["execute"]

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from validate.acquire.messages import RunMessages
-from validate.commands import run
+from validate.commands import run_and_save
 from validate.commands.subcommands import Sweep
-from validate.results.request import RunRequest
+from validate.results.run_request import RunRequest
 
 __all__ = ["execute"]
 
@@ -33,4 +33,4 @@ def execute(options: Sweep) -> int:
         options.report,
     )
     with RunMessages(shared.quiet) as messages:
-        return run.execute(of_run, messages)
+        return run_and_save.execute(of_run, messages)

@@ -56,6 +56,7 @@ LONGEST_LABEL, LEVEL_WIDTH = 26, 50
 ABOVE_OPTIMUM = 1.08
 # Modules that figures use and that do not draw: what they give is in the tables, which count by themselves.
 EXCLUDED = (
+    "render.certificate",
     "render.renderer",
     "scenes.scene",
     "scenes.steps.sweep_file",

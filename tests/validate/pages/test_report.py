@@ -35,8 +35,8 @@ from validate.pages.space import scene_columns
 from validate.pages.steps import sight_of, steps_of_plan
 from validate.pages.style import model_style, object_styles
 from validate.prediction.frusta import frustum
-from validate.results.remade import remade
 from validate.results.report import of_results
+from validate.results.report_again import remade
 from validate.runs.palette import PURPLE_ORANGE, VIRIDIS
 from validate.runs.tables import write_csv
 

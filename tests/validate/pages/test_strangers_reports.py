@@ -13,7 +13,7 @@ from scenes import load_sweep
 from tests.helpers.closet import SCENE, SWEEP
 from validate.commands import command_line
 from validate.pages.named import DEFAULT_STORE, Given
-from validate.results.remade import remade
+from validate.results.report_again import remade
 
 ADDRESS = "s3://somebody/collects/who-opens-this"
 

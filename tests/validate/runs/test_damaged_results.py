@@ -14,7 +14,7 @@ from pss.surrogates import Mesh
 from render.store.folder import StoreError
 from tests.helpers.strict_json import strict
 from validate.pages.columns import Columns, check_counts, whole_number
-from validate.results.result import _of_last_run
+from validate.results.run_result import _of_last_run
 from validate.run_sweep import main
 from validate.runs.csv_file import number_in, read_csv, read_head
 from validate.runs.events import EVENTS, EventFile

@@ -10,7 +10,7 @@ import os
 import pytest
 
 import validate.acquire.acquire as acquiring
-import validate.commands.run
+import validate.commands.run_and_save
 from pss import RangeError
 from render.store.folder import Store, StoreError
 from tests.helpers.stored_views import ZOOMS, NoiseRenderer
@@ -155,7 +155,7 @@ def test_exceptions_are_the_last_event_and_the_exit_code(tmp_path, monkeypatch, 
         messages.start(tmp_path, "sweeps")
         raise error
 
-    monkeypatch.setattr(validate.commands.run, "execute", execute)
+    monkeypatch.setattr(validate.commands.run_and_save, "execute", execute)
     assert run_sweep.main(["zoom"]) == code
     last = events(tmp_path)[-1]
     assert (last["event"], last["exit_code"]) == (event, code)

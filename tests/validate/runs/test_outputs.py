@@ -7,8 +7,8 @@ import pytest
 from render.store.folder import Store, StoreError, write_text
 from validate.acquire.messages import RunMessages
 from validate.acquire.source import ViewSource
-from validate.commands.run import execute
-from validate.results.request import RunRequest
+from validate.commands.run_and_save import execute
+from validate.results.run_request import RunRequest
 from validate.run_sweep import main
 from validate.runs.outputs import FOLDERS, check_folders, check_outputs, linked_views
 

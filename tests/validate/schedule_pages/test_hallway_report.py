@@ -25,7 +25,7 @@ from validate.pages.section import KIND_CHOICE
 from validate.plots.glyphs import settle_words
 from validate.plots.paper_walk import walk_figure
 from validate.plots.print_style import print_style
-from validate.results.remade import remade
+from validate.results.report_again import remade
 from validate.schedule_pages.page import schedule_section
 from validate.schedule_pages.sentences import claims_in_brief
 from validate.schedule_pages.steps import steps_of_design

@@ -15,11 +15,11 @@ from tests.helpers.closet import SCENE, SWEEP
 from tests.helpers.made_up_run import made_up_run
 from validate.acquire.messages import RunMessages
 from validate.bank.design import BankDesign
-from validate.commands.run import execute
+from validate.commands.run_and_save import execute
 from validate.pages.data import read_sweeps
 from validate.pages.sentences import in_words
 from validate.plots.sweep import draw_curves
-from validate.results.request import RunRequest
+from validate.results.run_request import RunRequest
 from validate.runs.console import Console
 from validate.sweeps.correlation import correlation_rows
 from validate.sweeps.rows import configuration_rows

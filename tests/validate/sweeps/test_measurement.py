@@ -29,7 +29,7 @@ from validate.pages.section import KIND_CHOICE, section_of
 from validate.pages.steps import steps_of_plan
 from validate.plots.single_step import draw_errors, measurement_figure
 from validate.results.report import of_results
-from validate.results.request import RunRequest
+from validate.results.run_request import RunRequest
 from validate.run_sweep import main
 from validate.runs.input_files import load_measurement_of
 from validate.stats.intervals import interval

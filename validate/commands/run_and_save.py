@@ -8,12 +8,12 @@ from validate.acquire.forecast import announce
 from validate.acquire.messages import RunMessages
 from validate.acquire.source import end_run, open_source, warn_of_quality
 from validate.prediction.own_metrics import failures_of
-from validate.results.request import RunRequest
-from validate.results.sweep import compute
+from validate.results.compute import compute
+from validate.results.run_request import RunRequest
 from validate.runs.exit_codes import EXIT_DONE
 from validate.runs.progress import clock
 from validate.sweeps import summary
-from validate.sweeps.path import planned, requested_views
+from validate.sweeps.plan_and_assess import planned, requested_views
 from validate.sweeps.step_names import names_in_steps
 
 __all__ = ["execute"]

@@ -27,7 +27,7 @@ from validate.runs.program import program_name
 from validate.runs.run_file import listed, needed, option
 from validate.runs.saved import SavedRun
 from validate.schedule_pages.files import remade_schedule
-from validate.sweeps.path import planned
+from validate.sweeps.plan_and_assess import planned
 from validate.sweeps.sweep import Plan
 
 __all__ = ["remade"]

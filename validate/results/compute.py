@@ -11,9 +11,9 @@ from scenes import Scene, SweepFile
 from validate.acquire.messages import RunMessages
 from validate.acquire.options import HERE, Scale
 from validate.acquire.source import ViewSource, open_source
-from validate.results.request import RunRequest
-from validate.results.result import RunResult
-from validate.sweeps.path import assessed, planned, requested_views
+from validate.results.run_request import RunRequest
+from validate.results.run_result import RunResult
+from validate.sweeps.plan_and_assess import assessed, planned, requested_views
 
 __all__ = ["compute", "sweep"]
 

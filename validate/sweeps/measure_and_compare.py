@@ -16,7 +16,7 @@ from validate.acquire.source import open_source
 from validate.points.configuration import Measured
 from validate.runs.console import Console
 from validate.stats.measured_errors import FEWEST_TRIALS, MeasuredErrors
-from validate.sweeps.path import assessed, planned, requested_views
+from validate.sweeps.plan_and_assess import assessed, planned, requested_views
 from validate.sweeps.single_step import comparison_row
 from validate.sweeps.single_step_summary import error_line, ratio_table
 from validate.sweeps.sweep import SweepResult

@@ -21,7 +21,7 @@ from validate.plots import sweep as figures
 from validate.points.error_budget import ErrorBudget
 from validate.prediction.contenders import judged, listed_contenders
 from validate.results.report import of_results, source_of_report, write_report
-from validate.results.request import RunRequest
+from validate.results.run_request import RunRequest
 from validate.runs.folder_lock import alone_in
 from validate.runs.outputs import linked_views
 from validate.runs.run_file import as_options, read_run, write_run
