@@ -8,7 +8,7 @@ from pydantic import Field, PrivateAttr
 
 from pss.surrogates import Mesh
 from render.world.state import Marker, SceneObject
-from scenes.reading.quantities import Albedo, Degrees, FilePath, MarkerId, Metres, Millimetres, Point
+from scenes.reading.quantities import Albedo, Degrees, FilePath, MarkerId, Metres, Millimetres, Point, Seed
 from scenes.reading.spec import Count, Name, Positive, Spec
 from scenes.schema.motion import MovingSpec
 
@@ -25,7 +25,7 @@ class SpreadSpec(Spec):
     min_distance_m: Metres
     flatness_mm: Millimetres
     first_id: MarkerId
-    seed: Annotated[int, Field(strict=True, ge=0, description="a whole number, 0 or more")] = 0
+    seed: Seed = 0
 
 
 class MeshSpec(MovingSpec):

@@ -12,8 +12,8 @@ from pydantic import Field
 from scenes.errors import Location, Problems
 from scenes.reading.document import check_once, named_file, read_spec
 from scenes.reading.inside import scene_of
-from scenes.reading.limits import LONGEST_TITLE, MOST_FRAMES, MOST_RUNS, MOST_STEPS
-from scenes.reading.quantities import Metres, Trials
+from scenes.reading.limits import MOST_FRAMES, MOST_RUNS, MOST_STEPS
+from scenes.reading.quantities import Metres, NoiseRatio, SceneFile, Seed, Title, Trials
 from scenes.reading.spec import ONE_SEARCH, Name, Number, Positive, Spec, known
 
 __all__ = [
@@ -104,13 +104,8 @@ class ScheduleSpec(Spec):
 
     removed: ClassVar[dict[str, str]] = {"search": ONE_SEARCH}
 
-    scene: Annotated[str, Field(strict=True, min_length=1, description="the path of a scene file, from this file")]
-    title: Annotated[
-        str,
-        Field(
-            strict=True, min_length=1, max_length=LONGEST_TITLE, description=f"text, {LONGEST_TITLE} characters at most"
-        ),
-    ]
+    scene: SceneFile
+    title: Title
     strategies: Annotated[
         tuple[Name, ...],
         Field(min_length=1, max_length=MOST_RUNS, description=f"a list of one to {MOST_RUNS} names of strategies"),
@@ -121,10 +116,8 @@ class ScheduleSpec(Spec):
     ] = (UNLIMITED,)
     surrogate: Annotated[Literal[SURROGATES], Field(description=f"one of {', '.join(SURROGATES)}")] = "cylinder"
     trials: Trials = 20
-    seed: Annotated[int, Field(strict=True, ge=0, description="a whole number, 0 or more")] = 0
-    render_noise_ratio: Annotated[
-        Number, Field(gt=0, le=10, description="a number above 0, at most 10: of the sensor's noise (σ)")
-    ] = 0.6
+    seed: Seed = 0
+    render_noise_ratio: NoiseRatio = 0.6
     walk: WalkSpec = WalkSpec()
     target: TargetSpec = TargetSpec()
     motors: MotorsSpec = MotorsSpec()

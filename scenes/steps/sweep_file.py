@@ -6,16 +6,15 @@ import dataclasses
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import Field
 
 from scenes.errors import Location, Problems, nearest
 from scenes.reading.document import check_once, named_file, read_spec
 from scenes.reading.inside import scene_of
-from scenes.reading.limits import LONGEST_TITLE
-from scenes.reading.quantities import Trials
-from scenes.reading.spec import ONE_SEARCH, Number, Spec, one_of
+from scenes.reading.quantities import NoiseRatio, SceneFile, Seed, Title, Trials
+from scenes.reading.spec import ONE_SEARCH, Spec, one_of
 from scenes.steps.scene_steps import SceneStepsSpec, check_steps
 from scenes.steps.vary import (
     Configuration,
@@ -47,18 +46,11 @@ class SweepSpec(Spec):
 
     removed: ClassVar[dict[str, str]] = {"search": ONE_SEARCH}
 
-    scene: Annotated[str, Field(strict=True, min_length=1, description="the path of a scene file, from this file")]
-    title: Annotated[
-        str,
-        Field(
-            strict=True, min_length=1, max_length=LONGEST_TITLE, description=f"text, {LONGEST_TITLE} characters at most"
-        ),
-    ]
+    scene: SceneFile
+    title: Title
     trials: Trials
-    seed: Annotated[int, Field(strict=True, ge=0, description="a whole number, 0 or more")]
-    render_noise_ratio: Annotated[
-        Number, Field(gt=0, le=10, description="a number above 0, at most 10: of the sensor's noise (σ)")
-    ] = 0.6
+    seed: Seed
+    render_noise_ratio: NoiseRatio = 0.6
     active: Names | None = Field(None, description="a list of one or more names of cameras")
     vary: one_of("parameter", SettingSpec, SelectionSpec, SceneStepsSpec)
 
