@@ -17,20 +17,14 @@ from scenes.steps.schedule_file import load_schedule
 from tests.helpers.drawn_pixels import acquired_of, levels_at
 from tests.helpers.made_up_run import CERTIFICATE, made_up_view
 from validate.runs.tables import write_csv
-from validate.schedule.agreement import agreement_rows
-from validate.schedule.claims import claim_rows
 from validate.schedule.held import assess_held, design_of
-from validate.schedule.process_rows import process_rows
 from validate.schedule.results import result_of
-from validate.schedule.rows import held_configuration_rows, held_point_rows, run_rows
 from validate.schedule.runs import Run
 from validate.schedule.stage import BOTH, stage_of
 from validate.schedule.steering import Steered
-from validate.schedule.strategy_ranking import ranking_rows, strategy_rows
+from validate.schedule.tables import tables_of
 from validate.schedule_pages.files import of_schedule, write_schedule_report
 from validate.schedule_pages.tables import read_schedule
-from validate.sweeps.correlation import correlation_rows
-from validate.sweeps.rows import detection_rows, view_rows
 
 __all__ = ["STEPS", "made_up_schedule"]
 
@@ -67,19 +61,7 @@ def made_up_schedule(folder: Path, overrides: Sequence[str] = ()) -> SimpleNames
     # One avatar beside both, since tables have rows of each.
     results = [result_of(held, avatar) for avatar in (stage.names[0], BOTH)]
     both = results[-1]
-    for name, rows in {
-        "configurations": [row for result in results for row in held_configuration_rows(result)],
-        "points": held_point_rows(both),
-        "views": view_rows([both], acquired),
-        "detection": detection_rows([both]),
-        "correlation": [{"avatar": both.avatar, **row} for row in correlation_rows(both)],
-        "agreement": [row for result in results for row in agreement_rows(result)],
-        "strategies": [row for result in results for row in strategy_rows(result)],
-        "ranking": [row for result in results for row in ranking_rows(result)],
-        "claims": claim_rows(both, None),
-        "process": process_rows(both),
-        "runs": run_rows(both),
-    }.items():
+    for name, rows in tables_of(results, (), acquired, None).items():
         write_csv(out / f"{name}.csv", rows)
     made = of_schedule(both, acquired.measured, "made up")
     write_schedule_report(out, read_schedule(out), made, store)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import time
+from pathlib import Path
 
 from validate.acquire.forecast import announce
 from validate.acquire.messages import RunMessages
 from validate.acquire.source import end_run, open_source, warn_of_quality
+from validate.commands.subcommands import Measure, Sweep
 from validate.prediction.own_metrics import failures_of
 from validate.results.compute import compute
 from validate.results.run_request import RunRequest
@@ -16,7 +18,36 @@ from validate.sweeps import summary
 from validate.sweeps.plan_and_assess import planned, requested_views
 from validate.sweeps.step_names import names_in_steps
 
-__all__ = ["execute"]
+__all__ = ["execute", "run"]
+
+
+def run(
+    options: Sweep | Measure, sweeps: tuple[str, ...], scene: Path | None, cameras: tuple[str, ...] | None = None
+) -> int:
+    """What a command's options request of these sweeps, or of these cameras of a scene; the exit code.
+
+    Raises:
+        PSSError: the user's mistake.
+    """
+    shared = options.run
+    request = RunRequest(
+        sweeps,
+        scene,
+        options.out,
+        shared.store,
+        options.trials,
+        options.seed,
+        shared.set,
+        shared.variant,
+        shared.dry_run,
+        shared.allow_outside,
+        shared.quiet,
+        shared.scale,
+        options.report,
+        cameras,
+    )
+    with RunMessages(shared.quiet) as messages:
+        return execute(request, messages)
 
 
 def execute(request: RunRequest, messages: RunMessages) -> int:

@@ -29,21 +29,16 @@ from validate.runs.progress import clock
 from validate.runs.run_file import as_options, write_run
 from validate.runs.tables import as_written, write_csv
 from validate.runs.versions import versions
-from validate.schedule.agreement import ALL_RUNS, agreement_rows
-from validate.schedule.claims import claim_rows
+from validate.schedule.agreement import ALL_RUNS
 from validate.schedule.held import FULL_MODEL, Design, Held, held_contenders
 from validate.schedule.own_cameras import own_cameras
 from validate.schedule.own_strategy import own_strategy
-from validate.schedule.process_rows import process_rows
 from validate.schedule.results import ScheduleResult, result_of
-from validate.schedule.rows import held_configuration_rows, held_point_rows, run_rows
 from validate.schedule.runs import Run, strategies_of
 from validate.schedule.stage import BOTH, stage_of
-from validate.schedule.strategy_ranking import ranking_rows, strategy_rows
+from validate.schedule.tables import tables_of
 from validate.schedule_pages.files import of_schedule, write_schedule_report
 from validate.schedule_pages.tables import schedule_table
-from validate.sweeps.correlation import correlation_rows
-from validate.sweeps.rows import detection_rows, timing_rows, view_rows
 from validate.tracked_walk.files import write_real_walk
 from validate.tracked_walk.frames import track_real_walk
 from validate.tracked_walk.path import assessed, planned
@@ -143,20 +138,7 @@ def _write_tables(
     both = results[-1]
     first = _run_of(design.runs, "follow")
     aside = None if first is None else own_cameras(held, first, acquired, calibration, both)
-    tables: dict[str, list[Row]] = {
-        "configurations": [row for result in results for row in held_configuration_rows(result)],
-        "points": held_point_rows(both),
-        "views": view_rows([both], acquired),
-        "timings": timing_rows(whole.views, acquired),
-        "detection": detection_rows([both]),
-        "correlation": [{"avatar": both.avatar, **row} for row in correlation_rows(both)],
-        "agreement": [row for result in results for row in agreement_rows(result)],
-        "strategies": [row for result in results for row in strategy_rows(result)],
-        "ranking": [row for result in results for row in ranking_rows(result)],
-        "claims": claim_rows(both, aside),
-        "process": process_rows(both),
-        "runs": run_rows(both),
-    }
+    tables = tables_of(results, whole.views, acquired, aside)
     for name, rows in tables.items():
         write_csv(folder / f"{name}.csv", rows)
     _draw(folder, both)
