@@ -17,7 +17,8 @@ from scenes.steps.schedule_file import load_schedule
 from tests.helpers.drawn_pixels import acquired_of, levels_at
 from tests.helpers.made_up_run import CERTIFICATE, made_up_view
 from validate.runs.tables import write_csv
-from validate.schedule.held import assess_held, design_of
+from validate.schedule.design import design_of
+from validate.schedule.held import assess_held
 from validate.schedule.results import result_of
 from validate.schedule.runs import Run
 from validate.schedule.stage import BOTH, stage_of

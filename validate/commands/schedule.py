@@ -30,7 +30,8 @@ from validate.runs.run_file import as_options, write_run
 from validate.runs.tables import as_written, write_csv
 from validate.runs.versions import versions
 from validate.schedule.agreement import ALL_RUNS
-from validate.schedule.held import FULL_MODEL, Design, Held, held_contenders
+from validate.schedule.design import Design
+from validate.schedule.held import FULL_MODEL, Held, held_contenders
 from validate.schedule.own_cameras import own_cameras
 from validate.schedule.own_strategy import own_strategy
 from validate.schedule.results import ScheduleResult, result_of

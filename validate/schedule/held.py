@@ -6,7 +6,7 @@ Runs whose cameras stand alike at a step are one configuration there: it is rend
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,8 +17,7 @@ from pss.noise import Calibration
 from render.keys import state_key
 from render.random_streams import random_stream
 from scenes import Scene
-from scenes.steps.schedule_file import ScheduleFile
-from validate.acquire.acquire import Acquired, Acquisition
+from validate.acquire.acquire import Acquired
 from validate.points.configuration import Measured, measure_configuration
 from validate.points.static_filter import Tracked
 from validate.points.triangulate import Triangulated
@@ -32,32 +31,15 @@ from validate.prediction.contenders import (
     scene_contenders,
 )
 from validate.prediction.process_levels import Level
-from validate.schedule.process_noise import (
-    RULED_BY,
-    FilterLevels,
-    levels_of_walk,
-    measured_inverse,
-    predicted_inverse,
-)
-from validate.schedule.runs import Run, step_views
+from validate.schedule.design import Design
+from validate.schedule.process_noise import RULED_BY, FilterLevels, levels_of_walk, measured_inverse, predicted_inverse
 from validate.schedule.stage import BOTH, Stage
-from validate.schedule.surrogates import avatar_like
+from validate.schedule.surrogate_predictions import SurrogatePrediction, predicted_at_surrogates
 from validate.schedule.training import Training
 from validate.stats.measured_errors import MeasuredErrors
 from validate.sweeps.assessment import Assessment
-from validate.sweeps.rows import pooled
 
-__all__ = [
-    "MODELS",
-    "Design",
-    "Held",
-    "HeldStep",
-    "assess_held",
-    "design_of",
-    "held_contenders",
-    "predicted_at",
-    "training_levels",
-]
+__all__ = ["MODELS", "Held", "HeldStep", "assess_held", "held_contenders", "predicted_at", "training_levels"]
 
 
 # What is judged: the paper's two readings as they are and scaled, what needs no fit, and what was calibrated on other
@@ -82,41 +64,6 @@ def held_contenders(scene: Scene, calibration: Calibration) -> list[Contender]:
 
 
 @dataclass(frozen=True, eq=False)
-class Design:
-    """What is to be rendered: the scenes of the K steps, and for each of the R runs and steps the views."""
-
-    schedule: ScheduleFile
-    stage: Stage
-    runs: tuple[Run, ...]
-    scenes: tuple[Scene, ...]
-    views: tuple[tuple[tuple[Acquisition, ...], ...], ...]
-
-    @property
-    def requested(self) -> list[Acquisition]:
-        """All views, those of a step together."""
-        return [item for step in zip(*self.views, strict=True) for views in step for item in views]
-
-    def without(self, failed: Collection[str]) -> Design:
-        """The runs that need none of these views, given by their hashes.
-
-        Runs and not steps: means over the walk stay means over the whole walk, the same for all runs that are left.
-        """
-        needed = [{item.request.key for views in of_run for item in views} for of_run in self.views]
-        kept = [number for number, keys in enumerate(needed) if keys.isdisjoint(failed)]
-        return dataclasses.replace(
-            self, runs=tuple(self.runs[r] for r in kept), views=tuple(self.views[r] for r in kept)
-        )
-
-
-@dataclass(frozen=True)
-class SurrogatePrediction:
-    """PSS at a surrogate's points, 1/m, and σ∞, m, root mean square of those that are observable (nan: none)."""
-
-    pss: float
-    sigma_inf_rms_m: float
-
-
-@dataclass(frozen=True, eq=False)
 class HeldStep:
     """One configuration at a step, predicted and measured.
 
@@ -138,19 +85,6 @@ class Held:
     design: Design
     steps: tuple[tuple[HeldStep, ...], ...]
     levels: tuple[Level, ...]
-
-
-def design_of(schedule: ScheduleFile, stage: Stage, runs: Sequence[Run], renderer: str) -> Design:
-    """Name the views that the runs need."""
-    scenes = tuple(stage.at(time_s) for time_s in stage.walk.times_s.tolist())
-    views = tuple(
-        tuple(
-            step_views(schedule, scene, cameras, renderer)
-            for scene, cameras in zip(scenes, run.steered.cameras, strict=True)
-        )
-        for run in runs
-    )
-    return Design(schedule, stage, tuple(runs), scenes, views)
 
 
 def training_levels(stage: Stage, training: Sequence[Training], acquired: Acquired) -> list[Level]:
@@ -189,7 +123,7 @@ def _assess_step(
         name: {c.name: predicted_at(scene, cameras, c, marker_appearance, markers) for c in contenders}
         for name, markers in groups.items()
     }
-    surrogates = _of_surrogates(design, step, cameras, contenders, marker_appearance)
+    surrogates = predicted_at_surrogates(design, step, cameras, contenders, marker_appearance)
     found = {}
     for number, views in enumerate(different):
         measurements = [acquired.measured[item] for item in views]
@@ -239,61 +173,6 @@ def predicted_at(
             visibility=contender.visibility,
             detection=contender.detection,
         )
-    )
-
-
-def _of_surrogates(
-    design: Design,
-    step: int,
-    cameras: Sequence[tuple[PTZCamera, ...]],
-    contenders: Sequence[Contender],
-    marker_appearance: Appearance,
-) -> list[dict[str, dict[str, SurrogatePrediction]]]:
-    """The prediction of each configuration at the surrogates' points, by avatar (and for both) and noise model.
-
-    The surrogates stand where the people do. A surrogate has no markers: for a noise model that needs how a target
-    looks, each of its points bears one like the median marker of the scene.
-    """
-    scene, walk = design.scenes[step], design.stage.walk
-    points, normals, bodies, owner = [], [], [], []
-    for each in walk.walks:
-        middle = walk.positions_m[each.name][step]
-        person = avatar_like(design.schedule.spec.surrogate, scene.state, each.name, middle)
-        points.append(person.surrogate.points_m + middle)
-        normals.append(person.surrogate.normals)
-        bodies.append(person.body(each.name, middle))
-        owner += [each.name] * len(person.surrogate.points_m)
-    where, outwards = np.concatenate(points), np.concatenate(normals)
-    typical = _typical(marker_appearance)
-    groups = {name: np.array(owner) == name for name in design.stage.names}
-    groups[BOTH] = np.ones(len(where), dtype=bool)
-    found: list[dict[str, dict[str, SurrogatePrediction]]] = [{name: {} for name in groups} for _ in cameras]
-    for contender in contenders:
-        evaluations = evaluate_many(
-            cameras,
-            where,
-            outwards,
-            noise=contender.noise,
-            process=scene.process,
-            occluder=bodies,
-            appearance=typical,
-            visibility=contender.visibility,
-            detection=contender.detection,
-        )
-        for of_all, evaluation in zip(found, evaluations, strict=True):
-            for name, members in groups.items():
-                sigma = evaluation.sigma_m[members]
-                of_all[name][contender.name] = SurrogatePrediction(
-                    float(np.nansum(evaluation.found[members] / sigma) / len(sigma)), pooled(sigma, members[members])
-                )
-    return found
-
-
-def _typical(marker_appearance: Appearance) -> Appearance:
-    """The median marker."""
-    of_all = (marker_appearance.module_m, marker_appearance.white_w_per_m2_sr, marker_appearance.black_w_per_m2_sr)
-    return Appearance(
-        *(float(np.median(values)) for values in of_all), None, marker_appearance.modules, marker_appearance.ring_light
     )
 
 

@@ -24,7 +24,8 @@ from validate.pages.images import pictures_of
 from validate.pages.named import Given
 from validate.pages.stored import REPORT, stored_measurements
 from validate.runs.run_file import listed, needed, option
-from validate.schedule.held import Design, design_of, held_contenders, predicted_at
+from validate.schedule.design import Design, design_of
+from validate.schedule.held import held_contenders, predicted_at
 from validate.schedule.own_strategy import own_strategy
 from validate.schedule.results import ScheduleResult
 from validate.schedule.runs import limit_name, steered_runs

@@ -12,7 +12,7 @@ from pss import Evaluation
 from validate.acquire.acquire import Acquisition
 from validate.markers.view_measurement import ViewMeasurement
 from validate.pages.steps import Step, covariances, sight_of
-from validate.schedule.held import Design
+from validate.schedule.design import Design
 from validate.schedule.runs import limit_name
 from validate.schedule.stage import BOTH
 

@@ -8,7 +8,8 @@ from pss.noise import Calibration
 from scenes.steps.schedule_file import ScheduleFile
 from validate.acquire.request import Acquired
 from validate.acquire.source import ViewSource
-from validate.schedule.held import Held, assess_held, design_of, training_levels
+from validate.schedule.design import design_of
+from validate.schedule.held import Held, assess_held, training_levels
 from validate.schedule.runs import steered_runs
 from validate.schedule.stage import Stage
 from validate.schedule.strategies import Strategy

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from validate.acquire.acquire import Acquisition
 from validate.acquire.messages import RunMessages
-from validate.schedule.held import Design
+from validate.schedule.design import Design
 from validate.schedule.runs import Run
 from validate.schedule.training import Training
 from validate.tracked_walk.frames import RealWalk

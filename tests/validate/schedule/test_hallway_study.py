@@ -31,7 +31,8 @@ from validate.commands.subcommands import Schedule
 from validate.prediction.contenders import PHYSICAL_WHOLE
 from validate.schedule.agreement import ALL_RUNS, agreement_rows
 from validate.schedule.claims import claim_rows
-from validate.schedule.held import assess_held, design_of, training_levels
+from validate.schedule.design import design_of
+from validate.schedule.held import assess_held, training_levels
 from validate.schedule.own_cameras import own_cameras
 from validate.schedule.process_noise import equivalent_frame_rate_hz, headline_of_walk, levels_of_walk
 from validate.schedule.process_rows import process_rows
