@@ -466,7 +466,7 @@ def test_an_exposure_that_is_left_open_is_refused(schedule):
 
 
 def test_a_file_in_the_way_of_the_results_is_told_before_any_work(tmp_path, monkeypatch):
-    monkeypatch.setattr(command, "steered_runs", lambda *_: pytest.fail("work was begun"))
+    monkeypatch.setattr(command, "planned", lambda *_, **__: pytest.fail("work was begun"))
     (tmp_path / "taken").write_text("", encoding="utf-8")
     with pytest.raises(StoreError, match=r"--out .* is a file; allowed is a folder"):
         command.execute(Schedule(out=tmp_path / "taken"))
