@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pss.errors import RangeError, ShapeError
 from pss.hints import Floats
 
-__all__ = ["labels", "members", "number", "numbers", "place", "plain", "row"]
+__all__ = ["having", "labels", "members", "number", "numbers", "place", "plain", "row"]
 
 
 # Largest length of a value in a message.
@@ -168,6 +168,16 @@ def members(value: object, name: str, attribute: str, what: str) -> tuple[Any, .
         if not hasattr(item, attribute):
             _refuse(item, f"{name}[{number}]", f"a list of {what}")
     return found
+
+
+def having(value: object, attribute: str, name: str, allowed: str) -> None:
+    """Refuse an argument without `attribute`, such as a name in place of the object.
+
+    Raises:
+        RangeError: with the value and what is allowed.
+    """
+    if not hasattr(value, attribute):
+        _refuse(value, name, allowed)
 
 
 def _refuse(value: object, name: str, allowed: str) -> NoReturn:

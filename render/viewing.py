@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pss import ImageSensor, PTZCamera, RangeError
+from pss.inputs import having, number
 from render import backend
 from render.captures import captures
 from render.lens.sampling import Sampling
@@ -104,12 +105,14 @@ def view(
         StoreError: the store cannot be used, or the disk is full.
         MissingLibraryError: the variant, or the kind of store, needs a library that is not installed.
     """
+    having(scene, "state", "scene", "a scene, such as scenes.load returns")
+    having(camera, "focal_px", "camera", "a camera, such as scene.camera returns")
     if scene.auto_exposure is not None:
         raise RangeError(
             'sensor.exposure_ms = "auto", and a single view does not determine it; allowed: a number of ms, such as '
             "scene.with_exposure(8.0)"
         )
-    if not 0 < noise_ratio <= 10:
+    if not 0 < number(noise_ratio, "noise_ratio") <= 10:
         raise RangeError(f"noise_ratio = {noise_ratio!r}; allowed: above 0, at most 10")
     chosen = backend.choose(variant)
     request = ViewRequest(scene.state, camera, scene.sensor, Sampling(noise_ratio=noise_ratio), chosen.identity)

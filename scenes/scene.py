@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -11,16 +12,17 @@ from typing import Any
 
 from pss import Appearance, ImageSensor, NoiseModel, PTZCamera, RangeError
 from pss.files import check_values, is_inside
+from pss.inputs import number
 from pss.processes.process import ProcessModel
 from pss.toml_text import toml_text
 from pss.visibility.points import VisibilityTest
 from render.light.exposure import AutoExposure
 from render.store.atomic import write_text
 from render.world.state import SceneState
-from scenes.errors import Location, Problems, SceneError, nearest
+from scenes.errors import Location, Problems, SceneError, nearest, shown
 from scenes.from_tables import auto_exposure_of, camera_of, noise_models_of, process_of, sensor_of, state_of
 from scenes.mesh_file import read_files
-from scenes.reading.document import SWEEP_PREFIX, apply_overrides, named_file, read_toml, set_value
+from scenes.reading.document import SWEEP_PREFIX, apply_overrides, check_overrides, named_file, read_toml, set_value
 from scenes.reading.inside import OUTSIDE, SHIPPED
 from scenes.reading.python_tables import document_of
 from scenes.reading.sensor_file import start_from_named_sensor
@@ -112,8 +114,8 @@ class Scene:
         """
         names = [camera.name for camera in self.cameras]
         if name not in names:
-            hint, _ = nearest(name, names)
-            raise SceneError([f'{self.path}: there is no camera "{name}"{hint}; allowed: {", ".join(names)}'])
+            hint, _ = nearest(str(name), names)
+            raise SceneError([f"{self.path}: there is no camera {shown(name)}{hint}; allowed: {', '.join(names)}"])
         return self.cameras[names.index(name)]
 
     def select(self, *names: str) -> tuple[PTZCamera, ...]:
@@ -161,7 +163,13 @@ class Scene:
         return estimated_appearance(self.state)
 
     def with_exposure(self, exposure_ms: float) -> Scene:
-        """The same scene with this exposure, in ms, as a number in its file."""
+        """The same scene with this exposure, in ms, as a number in its file.
+
+        Raises:
+            RangeError: it is not above 0.
+        """
+        if not 0 < number(exposure_ms, "exposure_ms") < math.inf:
+            raise RangeError(f"exposure_ms = {exposure_ms!r}; allowed: above 0, finite")
         chosen = {"exposure_ms": exposure_ms, "auto_exposure_share": None, "longest_exposure_ms": None}
         spec = self._spec.model_copy(update={"sensor": self._spec.sensor.model_copy(update=chosen)})
         sensor = sensor_of(spec)
@@ -182,7 +190,7 @@ class Scene:
         self._check_described()
         problems = Problems(self.path, self.resolved())
         for key, value in settings.items():
-            set_value(SceneSpec, key, value, problems)
+            set_value(SceneSpec, str(key), value, problems)
         return _made(_read(self.path, problems, self._allow_outside))
 
     def resolved(self) -> dict[str, Any]:
@@ -246,6 +254,7 @@ def load(name_or_path: str | Path, overrides: Iterable[str] = (), *, allow_outsi
     Raises:
         SceneError: with every problem of the file and the overrides, a line each.
     """
+    check_overrides(overrides)
     path = named_file(name_or_path, SHIPPED, "scene")
     problems = Problems(path, read_toml(path))
     apply_overrides(SceneSpec, (o for o in overrides if not o.strip().startswith(SWEEP_PREFIX)), problems)

@@ -29,6 +29,7 @@ as-printed = 1e-5
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -167,7 +168,7 @@ class Calibration:
             RangeError: the file is missing, is not valid TOML, or has anything but weights, limits, detection, scales,
                 name and provenance.
         """
-        if not Path(path).is_file():
+        if not os.path.isfile(path):  # False for a name that is too long, too
             raise RangeError(f"{path}: there is no such file; allowed: the path of a calibration (.toml)")
         content = read_toml(path)
         if unknown := set(content) - set(TABLES):

@@ -84,6 +84,16 @@ def check_once(location: Location, items: Iterable[object] | None, problems: Pro
             problems.add(location, "nothing twice", value=item)
 
 
+def check_overrides(overrides: Iterable[str]) -> None:
+    """Refuse one text in place of a list, whose letters would be overrides.
+
+    Raises:
+        SceneError: with the text.
+    """
+    if isinstance(overrides, str):
+        raise SceneError([f'overrides = {shown(overrides)}; allowed: a list of "key=value"'])
+
+
 def apply_overrides(model: type[Spec], overrides: Iterable[str], problems: Problems) -> None:
     """Set each "key=value" of `overrides` in the document of `problems`, whose schema is `model`.
 

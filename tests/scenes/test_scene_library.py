@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import scenes
+from pss import RangeError
 from pss.noise import Calibration
 from render.keys import state_key
 from scenes import Scene, SceneError
@@ -149,3 +150,20 @@ def test_a_scene_of_replaced_objects_is_not_saved(room, tmp_path):
             act()
     with pytest.raises(SceneError, match="a scene has no camera; allowed: path, state, cameras"):
         room.replace(camera=turned)
+
+
+def test_other_types_are_one_line(room):
+    """A number for a camera's name, one text for a list of overrides, text for an exposure."""
+    with pytest.raises(SceneError, match=r'there is no camera 2, did you mean "2"\?; allowed: 1, 2'):
+        room.select(2, 4)
+    with pytest.raises(SceneError, match=r'^overrides = "sensor.exposure_ms=8"; allowed: a list of "key=value"$'):
+        scenes.load("room", "sensor.exposure_ms=8")
+    for value in ("8", -1, np.nan, np.inf):
+        with pytest.raises(RangeError, match="exposure_ms"):
+            room.with_exposure(value)
+    with pytest.raises(SceneError, match='the file has no key "1"'):
+        room.with_settings({1: 2})
+    with pytest.raises(SceneError, match="there is no such file"):
+        scenes.load("room", [f'noise.models=["{"a" * 500}.toml"]'])
+    tables = tables_of("room")
+    assert Scene("mine.toml", **tables | {"cameras": iter(tables["cameras"])}).cameras == room.cameras

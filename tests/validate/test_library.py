@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 import textwrap
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -252,3 +253,33 @@ def test_without_an_appearance_it_is_the_solved_light_of_the_runs(closet, store,
         assert (evaluation.single_frame_sigma_m == assessment.predicted[name].single_frame_sigma_m)[
             evaluation.observable
         ].all()
+
+
+def test_names_in_place_of_objects_are_one_line(closet, tmp_path):
+    west, look, image = closet.select("west"), closet.appearance(), np.zeros((4, 4), dtype=np.uint16)
+    for call, line in (
+        (lambda: validate.predict(closet, [], look), r"cameras = \(\); allowed: one or more"),
+        (lambda: validate.predict("closet", west, look), "scene is 'closet' of type str; allowed: a scene"),
+        (lambda: validate.detect(image, "closet"), "scene is 'closet' of type str; allowed: a scene"),
+        (lambda: validate.measure("closet", west, store=tmp_path), "scene is 'closet' of type str"),
+        (lambda: validate.measure(closet, ["west"], store=tmp_path), r"cameras\[0\] is 'west' of type str"),
+        (lambda: validate.measure(closet, west, trials="3", store=tmp_path), "trials is '3' of type str"),
+        (lambda: validate.sweep("zoom", trials="3", store=tmp_path), "trials is '3' of type str"),
+        (lambda: validate.sweep("zoom", overrides="sweep.trials=3", store=tmp_path), "overrides = "),
+        (lambda: render.view(closet, "west"), "camera is 'west' of type str; allowed: a camera"),
+        (lambda: render.view("closet", west[0]), "scene is 'closet' of type str; allowed: a scene"),
+    ):
+        with pytest.raises(PSSError, match=line):
+            call()
+
+
+def test_a_prediction_of_others_is_not_compared(closet):
+    """Cameras in another order, and other points, though they are as many."""
+    look, names = closet.appearance(), ("west", "east")
+    measured = SimpleNamespace(ids=range(12), cameras=closet.select(*names), scene=closet)
+    with pytest.raises(RangeError, match="is of cameras east, west; allowed: west, east, as measured"):
+        validate.compare(validate.predict(closet, closet.select("east", "west"), look), measured)
+    moved = dataclasses.replace(closet.state, markers=closet.state.markers[::-1])
+    other = validate.predict(closet.replace(state=moved), closet.select(*names), look)
+    with pytest.raises(RangeError, match="is of other points; allowed: the markers' centres"):
+        validate.compare(other, measured)

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pss import RangeError, ShapeError
 from pss.hints import Floats, Integers
+from pss.inputs import having
 from scenes import Scene
 from validate.markers.view_measurement import measure_capture
 
@@ -51,6 +52,7 @@ def detect(image: ArrayLike, scene: Scene) -> Detections:
         ShapeError: the image has other than two dimensions, or no pixel.
         RangeError: it holds other than whole numbers from 0 to 65535.
     """
+    having(scene, "state", "scene", "a scene, such as scenes.load returns")
     state = scene.state
     ids = np.array([marker.id for marker in state.markers], dtype=np.int64)
     pixels, covariance, unexpected_ids = measure_capture(

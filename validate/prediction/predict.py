@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from pss import Appearance, Evaluation, PTZCamera, evaluate
+from pss import Appearance, Evaluation, PTZCamera, RangeError, evaluate
+from pss.inputs import having, members
 from render.light import lit_scene
 from render.light.exposure import choose_exposure
 from render.store.folder import Store
@@ -46,6 +47,10 @@ def predict(
 
     Source: Eqs. 2 to 15 of the paper, equation by equation in docs/metric.md.
     """
+    having(scene, "state", "scene", "a scene, such as scenes.load returns")
+    cameras = members(cameras, "cameras", "focal_px", "cameras, such as scene.select returns")
+    if not cameras:
+        raise RangeError("cameras = (); allowed: one or more")
     state = scene.state
     if appearance is None:
         opened = store if store is None or isinstance(store, Store) else open_store(store)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from render.store.folder import StoreError
 from scenes import Scene, SweepFile
+from scenes.reading.document import check_overrides
 from validate.acquire.messages import RunMessages
 from validate.acquire.options import HERE, Scale
 from validate.acquire.source import ViewSource, open_source
@@ -74,6 +75,7 @@ def sweep(
         SceneError: with every problem of all files.
         StoreError: the store cannot be used, or the disk is full.
     """
+    check_overrides(overrides)
     request = RunRequest(
         tuple(map(str, sweeps)),
         Path(scene.path if isinstance(scene, Scene) else scene) if scene is not None else None,

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pss import RangeError
+from pss.inputs import number
 from scenes import Scene, SweepFile, known_sweeps
 from scenes.reading.document import SWEEP_PREFIX
 from validate.acquire.options import HERE, Scale
@@ -66,9 +67,9 @@ class RunRequest:
         """
         if not self.sweeps and self.cameras is None:
             raise RangeError(f"no sweep given; allowed: {', '.join(known_sweeps())}, or the paths of .toml files")
-        if self.trials is not None and self.trials < 2:
+        if self.trials is not None and number(self.trials, "trials") < FEWEST_TRIALS:
             raise RangeError(f"--trials {self.trials}; allowed: {FEWEST_TRIALS} or more (one has no spread)")
-        if self.seed is not None and self.seed < 0:
+        if self.seed is not None and number(self.seed, "seed") < 0:
             raise RangeError(f"--seed {self.seed}; allowed: 0 or more")
         check_names(self.names)
         self.scale.check()

@@ -7,8 +7,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from pss import Evaluation, PSSError, PTZCamera, RangeError, ShapeError
 from pss.hints import Floats, Integers, Row
+from pss.inputs import having, members, number
 from scenes import Scene
 from scenes.steps.measurement import measurement_of
 from validate.acquire.messages import RunMessages
@@ -23,6 +26,8 @@ from validate.sweeps.sweep import SweepResult
 
 __all__ = ["Comparison", "FailedViewError", "Measurement", "compare", "measure"]
 
+# m, by which a scene that was saved and loaded may be another.
+SAME_POINT_M = 1e-9
 # Columns of a table that is printed as text.
 WIDTH = 120
 
@@ -145,12 +150,14 @@ def measure(
         StoreError: the store cannot be used, or the disk is full.
         FailedViewError: a view could not be rendered or measured; the line has its camera and the cause.
     """
+    having(scene, "state", "scene", "a scene, such as scenes.load returns")
+    cameras = members(cameras, "cameras", "focal_px", "cameras, such as scene.select returns")
     names = [camera.name for camera in cameras]
     if not names or len(set(names)) < len(names):
         raise RangeError(f"cameras {', '.join(names) or '()'}; allowed: one or more, each name once")
-    if trials < FEWEST_TRIALS:
+    if number(trials, "trials") < FEWEST_TRIALS:
         raise RangeError(f"trials = {trials}; allowed: {FEWEST_TRIALS} or more (one has no spread)")
-    if seed < 0:
+    if number(seed, "seed") < 0:
         raise RangeError(f"seed = {seed}; allowed: 0 or more")
     given = scene.replace(cameras=tuple(cameras))
     sweep = measurement_of(given, names, [f"sweep.trials={trials}", f"sweep.seed={seed}"])
@@ -178,15 +185,25 @@ def compare(predicted: Mapping[str, Evaluation], measured: Measurement) -> Compa
         measured: of the same cameras and points.
 
     Raises:
-        ShapeError: a prediction is of other points or other cameras.
+        ShapeError: a prediction is of another number of points or cameras.
+        RangeError: it is of other points, or of cameras with other names or in another order.
     """
-    points = len(measured.ids)
+    points, names = len(measured.ids), [camera.name for camera in measured.cameras]
+    points_m = measured.scene.state.points_m
     for name, evaluation in predicted.items():
         if evaluation.visible.shape != (len(measured.cameras), points):
             raise ShapeError(
                 f"prediction {name!r} is of {evaluation.visible.shape}; allowed: (cameras, points) = "
                 f"{(len(measured.cameras), points)}, as measured"
             )
+        of_prediction = [camera.name for camera in evaluation.cameras]
+        if of_prediction != names:
+            raise RangeError(
+                f"prediction {name!r} is of cameras {', '.join(of_prediction)}; "
+                f"allowed: {', '.join(names)}, as measured"
+            )
+        if not np.allclose(evaluation.task.points_m, points_m, rtol=0, atol=SAME_POINT_M):
+            raise RangeError(f"prediction {name!r} is of other points; allowed: the markers' centres, as measured")
     result = measured.result
     # Trials and points are resampled with the same weights for every model.
     replicates = next(iter(result.replicates.values()))
