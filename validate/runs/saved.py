@@ -73,6 +73,11 @@ class SavedRun(RunTables):
         if target.exists() and target.resolve() == self.folder.resolve():
             raise StoreError(f"{target} is the folder of the run; allowed is another folder")
         check_outputs(target)
+        others = sorted({path.stem for path in target.glob(f"*{TABLE}")} - set(self.names))
+        if others:
+            raise StoreError(
+                f"{target} has tables of another run, such as {others[0]}{TABLE}; allowed is another folder"
+            )
         with alone_in(target):
             for name in self.names:
                 write_text(target / f"{name}{TABLE}", table_file(self.written(name), read_head(self.path(name))))
