@@ -1,8 +1,8 @@
 """The gate: does the prediction rank configurations as the measurement does? Pure functions from numbers to claims.
 
-A claim holds if the whole interval lies above its bound. Ranks are judged within an equal camera count: over different
-counts, any number that grows with the cameras correlates. The gate stands or falls with all its claims, so that each is
-judged at a level that holds for the family (Bonferroni).
+A claim holds if the whole interval lies above its bound, and the figure itself is at least what is required. Ranks are
+judged within an equal camera count: over different counts, any number that grows with the cameras correlates. The gate
+stands or falls with all its claims, so that each is judged at a level that holds for the family (Bonferroni).
 """
 
 from __future__ import annotations
@@ -39,7 +39,8 @@ class Claim:
         figure: the measured figure, nan if it is not defined.
         low, high: its interval.
         bound: what `low` has to reach.
-        holds: it does. An unknown figure holds nothing.
+        holds: both are reached. An unknown figure holds nothing.
+        least: what `figure` has to reach; None if only the interval counts.
     """
 
     name: str
@@ -48,6 +49,7 @@ class Claim:
     high: float
     bound: float
     holds: bool
+    least: float | None = None
 
 
 def judge(
@@ -56,6 +58,7 @@ def judge(
     views: Sequence[Sequence[int]],
     *,
     bound: float,
+    least: float | None = None,
     cameras: int | None = None,
     camera_names: Sequence[str] | None = None,
     label: str = "predicted PSS",
@@ -67,7 +70,8 @@ def judge(
         metric_points: 1/m, (K, N), predicted single-frame 1/σ, 0 where unobservable.
         measured_points: 1/m, (K, N), `MeasuredErrors.inverse_sigma` of each configuration.
         views: the K configurations' views; their lengths are the camera counts.
-        bound: the least Spearman's ρ that the interval's lower end has to reach.
+        bound: Spearman's ρ that the interval's lower end has to reach.
+        least: Spearman's ρ that the estimate has to reach; None if only the interval counts.
         cameras: judge this count only; every count if None.
         camera_names: the camera of each view, (V,), whose views share chance; None: a view shares none with another.
         label: what predicts, for the claims' names.
@@ -83,8 +87,9 @@ def judge(
             f"metric_points {metric.shape}, measured_points {measured.shape} and {len(views)} configurations' views; "
             "allowed: (K, N), (K, N) and K"
         )
-    if not -1 <= bound <= 1:
-        raise RangeError(f"bound = {bound!r}; allowed: −1 to 1")
+    for name, value in (("bound", bound), ("least", least)):
+        if value is not None and not -1 <= value <= 1:
+            raise RangeError(f"{name} = {value!r}; allowed: −1 to 1")
     counts = np.array([len(configuration) for configuration in views])
     claims = []
     for count in sorted(set(counts.tolist())) if cameras is None else [cameras]:
@@ -96,7 +101,8 @@ def judge(
             rho = judge_against(metric[chosen], measured[chosen], resamples)
             figures = (rho.estimate, *rho.ends(level))
         name = f"Spearman of {label} with measured PSS, {count} cameras, {len(chosen)} configurations"
-        claims.append(Claim(name, *figures, bound, holds=bool(figures[1] >= bound)))
+        holds = bool(figures[1] >= bound and (least is None or figures[0] >= least))
+        claims.append(Claim(name, *figures, bound, holds, least))
     return claims
 
 
@@ -138,5 +144,6 @@ def format_claims(claims: Iterable[Claim]) -> str:
     return "\n".join(
         f"{'PASS' if claim.holds else 'FAIL'}  {claim.name:<{width}}  {claim.figure:+.3f}  "
         f"[{claim.low:+.3f}, {claim.high:+.3f}]  bound {claim.bound:+.3f}"
+        + ("" if claim.least is None else f", of the figure {claim.least:+.3f}")
         for claim in claims
     )

@@ -14,7 +14,7 @@ from pss import noise_model
 from render import backend
 from render.keys import state_key
 from render.store.folder import Store
-from tests.gate.claims import BOUND, CONFIGURATIONS, COUNTS, LEVEL, TURN_DEG, TURNED_VIEW
+from tests.gate.claims import BOUND, CONFIGURATIONS, COUNTS, LEAST_RHO, LEVEL, TURN_DEG, TURNED_VIEW
 from tests.gate.gate import Claim, format_claims, judge, turn_shows
 from tests.gate.gate_bank import gate_bank, measured_points, predicted_points, turned_view
 from validate.acquire.acquire import acquire
@@ -55,6 +55,7 @@ class Gate:
             self.measured,
             self.configurations,
             bound=BOUND,
+            least=LEAST_RHO,
             camera_names=self.bank.camera_names,
             label=label,
             level=LEVEL,

@@ -53,6 +53,15 @@ def test_the_lower_end_decides_and_not_the_figure():
     assert not stricter.holds
 
 
+def test_the_figure_has_to_reach_what_is_required_too():
+    predicted, measured, views = planted(2, cameras=(4,))
+    (claim,) = judge(predicted, measured, views, bound=BOUND)
+    for least, holds in ((claim.figure - 1e-3, True), (claim.figure + 1e-3, False)):
+        (judged,) = judge(predicted, measured, views, bound=BOUND, least=least)
+        assert judged.holds == holds
+        assert f"of the figure {least:+.3f}" in format_claims([judged])
+
+
 def test_one_count_can_be_asked_for():
     predicted, measured, views = planted(3)
     (claim,) = judge(predicted, measured, views, bound=BOUND, cameras=4)
