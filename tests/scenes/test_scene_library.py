@@ -145,6 +145,8 @@ def test_a_scene_of_replaced_objects_is_not_saved(room, tmp_path):
     assert other.cameras == turned
     assert other.with_exposure(8.0).cameras == turned
     assert other.with_exposure(8.0).sensor.exposure_ms == 8
+    models = room.noise_models[:1]
+    assert room.replace(noise_models=models).with_exposure(8.0).noise_models == models
     for act in (other.to_toml, lambda: other.save(tmp_path / "x.toml"), lambda: other.with_settings({})):
         with pytest.raises(SceneError, match="its cameras were replaced by objects; allowed: a scene made of tables"):
             act()

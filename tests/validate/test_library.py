@@ -241,6 +241,9 @@ def test_a_prediction_takes_the_light_that_it_is_given(closet):
         validate.predict(auto.with_exposure(ms), cameras, look)["physical"].pss_single_frame for ms in (0.01, 100.0)
     )
     assert predicted not in (low, high)
+    # That of `scene.sensor`, which is the longest that is allowed, would be another number.
+    longest = validate.predict(auto.with_exposure(auto.sensor.exposure_ms), cameras, look)["physical"].pss_single_frame
+    assert predicted != longest
 
 
 @pytest.mark.render
