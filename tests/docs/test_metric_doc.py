@@ -52,7 +52,18 @@ def test_the_names_on_the_page_exist():
 
 # Method names, options and arguments, which are no attributes of anything.
 IN_PASSING = {
-    *("eigenstructure", "doubling", "scipy", "axes", "auto", "physical", "corrected", "python"),
+    *(
+        "eigenstructure",
+        "doubling",
+        "scipy",
+        "axes",
+        "auto",
+        "physical",
+        "identity",
+        "calibrated",
+        "corrected",
+        "python",
+    ),
     *("px2_per_m2", "covariance", "name", "linearised", "of_objects", "without", "weighted", "plus", "as"),
 }
 

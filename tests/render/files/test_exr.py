@@ -63,7 +63,7 @@ def test_a_certificate_is_numbers_and_the_image_is_as_large_as_its_cameras(path,
     wrong = view.marker_id.astype(np.float32)
     wrong[3, 3] = np.nan
     write_view(path, dataclasses.replace(view, marker_id=wrong), request)
-    with pytest.raises(ImageFileError, match="no whole number from -1"):
+    with pytest.raises(ImageFileError, match="not a whole number from -1"):
         read_view(path)
 
 
