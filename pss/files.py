@@ -111,7 +111,7 @@ def read_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
         document = tomllib.loads(text)
         check_values(document)
     except FileNotFoundError:
-        raise RangeError(f"{path}: there is no such file") from None
+        raise RangeError(f"{path}: there is no such file; allowed: the path of a .toml file") from None
     except UnicodeDecodeError as error:
         raise RangeError(f"{path}: byte {error.start} is no UTF-8, which TOML must be") from None
     except OSError as error:

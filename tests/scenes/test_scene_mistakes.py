@@ -346,7 +346,7 @@ def test_what_is_no_toml_is_one_line_with_line_and_column(text, place, tmp_path)
 
 
 def test_a_file_that_is_not_there_or_cannot_be_read_is_one_line(tmp_path):
-    with pytest.raises(SceneError, match=r"none\.toml: there is no such file$"):
+    with pytest.raises(SceneError, match=r"none\.toml: there is no such file; allowed: the path of a \.toml file$"):
         scenes.load(tmp_path / "none.toml")
     with pytest.raises(SceneError, match=r": Is a directory$"):
         scenes.load(tmp_path)

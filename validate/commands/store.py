@@ -122,7 +122,8 @@ def _code() -> int:
 def _folder(store: str) -> Store:
     opened = open_store(store)
     if not opened.folder.is_dir():
-        raise StoreError(f"--store {store}: {opened.folder} is not there; allowed is a store that a run left")
+        found = "is a file" if opened.folder.exists() else "is not there"
+        raise StoreError(f"--store {store} {found}; allowed is a store that a run left")
     return opened
 
 
