@@ -13,7 +13,7 @@ from validate.runs.numbers import number, percent, with_range
 
 __all__ = ["SWEEP_BLOCKS", "table_text"]
 
-MODELS = ("as-printed", "corrected", "physical")
+MODELS = ("as-printed", "corrected", "physical", "calibrated")
 FRAME, FILTER = "measured_pss_single_frame", "measured_pss_filter"
 # (sweep, claim in claims.csv, in words)
 CLAIMS = (
