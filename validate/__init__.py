@@ -7,7 +7,8 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from validate.markers.detections import Detections, detect
+    from validate.markers.detections import detect
+    from validate.markers.detector import Detections, Detector, Targets
     from validate.points.from_detections import Points, triangulate
     from validate.prediction.predict import predict
     from validate.results.compute import sweep
@@ -18,11 +19,13 @@ if TYPE_CHECKING:
 __all__ = [
     "Comparison",
     "Detections",
+    "Detector",
     "FailedViewError",
     "Measurement",
     "Points",
     "RunResult",
     "SavedRun",
+    "Targets",
     "compare",
     "detect",
     "load",
@@ -36,7 +39,8 @@ __all__ = [
 def __getattr__(name: str) -> object:
     """Load a public name at its first use: together they take seconds, which `--help` does not wait for."""
     modules = {
-        "validate.markers.detections": ("Detections", "detect"),
+        "validate.markers.detections": ("detect",),
+        "validate.markers.detector": ("Detections", "Detector", "Targets"),
         "validate.points.from_detections": ("Points", "triangulate"),
         "validate.prediction.predict": ("predict",),
         "validate.results.run_result": ("RunResult",),

@@ -24,6 +24,7 @@ from render.random_streams import random_stream
 from render.renderer import Renderer
 from render.sensor import capture
 from tests.helpers.processes import environment
+from validate.markers.detector import Targets
 from validate.markers.view_measurement import EXCLUDED as MEASURE_EXCLUDED
 from validate.markers.view_measurement import MeasureTask, _words_of, measure_capture, measure_code
 from validate.pixel_noise.laboratory import DICTIONARY, Factors, Pose, Setup
@@ -327,7 +328,7 @@ def test_all_code_that_runs_while_a_view_is_made_and_measured_counts(tmp_path):
     def measure() -> None:
         view = read_view(tmp_path / "view.exr")
         numbers = capture(view.expected_electrons(), view.sensor, random_stream(0, "a", "b"))
-        made["found"], _, _ = measure_capture(numbers, DICTIONARY, (1,), view.sensor)
+        made["found"], _, _ = measure_capture(numbers, Targets(DICTIONARY, (1,)), view.sensor)
 
     rendering = executed_while(make) - {"validate.pixel_noise.laboratory"}
     assert {"render.renderer", "render.lens.sampling", "render.light.radiosity", "pss.cameras.camera"} <= rendering

@@ -28,6 +28,7 @@ from render.random_streams import random_stream
 from render.renderer import RenderedView, Renderer
 from render.sensor import capture, expected_electrons, fixed_pattern
 from render.world.state import Light, Marker, MarkerPrint, Motion, Room, SceneObject, SceneState
+from validate.markers.detector import Targets
 from validate.markers.view_measurement import measure_capture
 from validate.pixel_noise.laboratory import DICTIONARY, DISTANCE_M, FOCAL_PX, Factors, Pose, Setup
 
@@ -270,7 +271,7 @@ def test_rendered_markers_scatter_as_predicted(mi, white_e, way):
     found = []
     for trial in range(CAPTURES):
         numbers = capture(electrons, setup.sensor, random_stream(1, view.key, "motion", trial), pattern)
-        found.append(measure_capture(numbers, DICTIONARY, (7,), setup.sensor)[0][0])
+        found.append(measure_capture(numbers, Targets(DICTIONARY, (7,)), setup.sensor)[0][0])
     scatter = np.array(found)[np.isfinite(np.array(found)[:, 0])].std(axis=0, ddof=1)
     np.testing.assert_allclose(scatter, np.sqrt(np.diag(predicted)), rtol=MEASURED)
 

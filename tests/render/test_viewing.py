@@ -19,6 +19,7 @@ from render.store.views import stored_view
 from scenes import load_sweep
 from tests.helpers.views import an_awkward_view
 from validate.acquire.request import views_of
+from validate.markers.detector import Targets
 from validate.markers.view_measurement import MeasureTask, load_measurement, measure, measure_capture
 
 CAMERA = "4"
@@ -101,7 +102,8 @@ def test_a_capture_is_the_trial_that_is_measured(seen, small, room_store):
     ids = tuple(marker.id for marker in small.state.markers)
     task = MeasureTask(room_store.folder, seen.key, small.state.print.dictionary, ids, 3, 2)
     measure(task)
-    pixels, _, _ = measure_capture(seen.capture(seed=3, trial=1), small.state.print.dictionary, ids, seen.sensor)
+    targets = Targets(small.state.print.dictionary, ids)
+    pixels, _, _ = measure_capture(seen.capture(seed=3, trial=1), targets, seen.sensor)
     assert np.isfinite(pixels).any()
     assert np.array_equal(load_measurement(task).pixels[1], pixels, equal_nan=True)
 

@@ -19,7 +19,7 @@ import validate
 from pss import PSSError, RangeError, ShapeError
 from render import backend
 from tests.helpers.closet import ROOT, SCENE
-from validate.markers.detections import Detections
+from validate.markers.detector import Detections
 from validate.run_sweep import main
 
 TRIALS, SEED = 4, 3

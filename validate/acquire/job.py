@@ -53,10 +53,11 @@ class Place:
 
 @dataclass(frozen=True)
 class Measuring:
-    """One measuring of a view; `file` is the name that the run gives its result."""
+    """One measuring of a view by a detector; `file` is the name that the run gives its result."""
 
     seed: int
     trials: int
+    detector: str
     file: str
 
 
@@ -186,7 +187,7 @@ def _measured(request: ViewRequest, measurings: tuple[Measuring, ...], store: St
     """Measure a stored view in each way that is not stored yet; the seconds of those that were made now."""
     made: list[float | None] = []
     for measuring in measurings:
-        task = Acquisition(request, measuring.seed, measuring.trials).task(store)
+        task = Acquisition(request, measuring.seed, measuring.trials, measuring.detector).task(store)
         if task.path.name != measuring.file:
             raise RuntimeError(f"this worker's project measures {task.path.name}, the run's {measuring.file}")
         if store.fetch(task.path) and load_measurement(task) is not None:

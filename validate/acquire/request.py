@@ -12,6 +12,7 @@ from render.lens.sampling import Sampling
 from render.renderer import ViewRequest
 from render.store.folder import Store
 from scenes import Scene
+from validate.markers.detector_table import DEFAULT_DETECTOR
 from validate.markers.view_measurement import MeasureTask, ViewMeasurement
 
 __all__ = ["Acquired", "Acquisition", "LightError", "by_state", "error_line", "views_of"]
@@ -23,17 +24,20 @@ class LightError(PSSError, RuntimeError):
 
 @dataclass(frozen=True)
 class Acquisition:
-    """A requested view, with the trials to be measured on it."""
+    """A requested view, with the trials to be measured on it, and the name of the detector that measures."""
 
     request: ViewRequest
     seed: int
     trials: int
+    detector: str = DEFAULT_DETECTOR
 
     def task(self, store: Store) -> MeasureTask:
         """The measuring task of this view."""
         state = self.request.state
         ids = tuple(marker.id for marker in state.markers)
-        return MeasureTask(store.folder, self.request.key, state.print.dictionary, ids, self.seed, self.trials)
+        return MeasureTask(
+            store.folder, self.request.key, state.print.dictionary, ids, self.seed, self.trials, self.detector
+        )
 
 
 def views_of(
@@ -43,10 +47,11 @@ def views_of(
     renderer: str,
     seed: int,
     trials: int,
+    detector: str = DEFAULT_DETECTOR,
 ) -> tuple[Acquisition, ...]:
     """A view of a scene for each of `cameras`, as `Acquisition` has them."""
     return tuple(
-        Acquisition(ViewRequest(scene.state, camera, scene.sensor, sampling, renderer), seed, trials)
+        Acquisition(ViewRequest(scene.state, camera, scene.sensor, sampling, renderer), seed, trials, detector)
         for camera in cameras
     )
 

@@ -58,7 +58,9 @@ def jobs_of(todo: Sequence[Acquisition], place: Place, store: Store) -> dict[str
     jobs = {}
     for key, items in requested.items():
         request = items[0].request
-        measurings = tuple(Measuring(item.seed, item.trials, item.task(store).path.name) for item in items)
+        measurings = tuple(
+            Measuring(item.seed, item.trials, item.detector, item.task(store).path.name) for item in items
+        )
         state = state_key(request.state)
         job = Job(place, state, key, request.camera, request.sensor, request.sampling, measurings)
         jobs[key] = job, items

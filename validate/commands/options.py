@@ -19,6 +19,7 @@ __all__ = [
     "REPEATED",
     "STORE",
     "AllowOutside",
+    "Detectors",
     "N",
     "Rendering",
     "RunOptions",
@@ -46,6 +47,16 @@ StoreFolder = Annotated[
 AllowOutside = Annotated[
     bool,
     tyro.conf.arg(help='let files name others outside their folder (see "Files from others" in docs/scenes.md).'),
+]
+
+Detectors = Annotated[
+    tuple[str, ...],
+    REPEATED,
+    tyro.conf.arg(
+        metavar="NAME",
+        help="detector that measures the views (default: registration); may be repeated. Results of other detectors "
+        "than the default go into detectors/NAME of the folder (docs/own-detector.md).",
+    ),
 ]
 
 

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
+from pss import RangeError
 from validate.acquire.forecast import announce
 from validate.acquire.messages import RunMessages
 from validate.acquire.source import end_run, open_source, warn_of_quality
 from validate.commands.subcommands import Measure, Sweep
+from validate.markers.detector_table import DEFAULT_DETECTOR
 from validate.prediction.own_metrics import failures_of
 from validate.results.compute import compute
 from validate.results.run_request import RunRequest
@@ -46,8 +50,28 @@ def run(
         options.report,
         cameras,
     )
-    with RunMessages(shared.quiet) as messages:
-        return execute(request, messages)
+    return _execute_each(request, options.detector)
+
+
+def _execute_each(request: RunRequest, detectors: Sequence[str]) -> int:
+    """Run a request with each of the detectors, or with the default where none is named; the largest exit code.
+
+    The first one renders what is missing; the others find its views in the store.
+
+    Raises:
+        PSSError: the user's mistake; all requests are checked before the first begins.
+    """
+    names = tuple(detectors) or (DEFAULT_DETECTOR,)
+    if len(set(names)) < len(names):
+        raise RangeError(f"--detector {' '.join(names)}; allowed: each once")
+    requests = [replace(request, detector=name) for name in names]
+    for each in requests:
+        each.check()
+    codes = []
+    for each in requests:
+        with RunMessages(request.quiet) as messages:
+            codes.append(execute(each, messages))
+    return max(codes)
 
 
 def execute(request: RunRequest, messages: RunMessages) -> int:
@@ -62,7 +86,7 @@ def execute(request: RunRequest, messages: RunMessages) -> int:
     loaded = request.load()
     source = open_source(request.store, request.variant, messages, request.scale)
     if request.dry_run:
-        plans = planned(loaded, source, forecast=True)
+        plans = planned(loaded, source, forecast=True, detector=request.detector)
         counts = [f"{each.sweep.name}: {len(each.configurations)} configurations" for each in plans]
         announce(counts, requested_views(plans), source, request.folder)
         return EXIT_DONE

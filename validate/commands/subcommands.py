@@ -20,6 +20,7 @@ from validate.commands.options import (
     REPEATED,
     STORE,
     AllowOutside,
+    Detectors,
     N,
     Rendering,
     RunOptions,
@@ -107,6 +108,7 @@ class Sweep:
     out: Annotated[Path | None, DIR] = None
     trials: Annotated[int | None, N] = None
     seed: Annotated[int | None, N] = None
+    detector: Detectors = ()
     report: bool = True
     run: Annotated[StepOptions, FLAT] = field(default_factory=StepOptions)
 
@@ -131,6 +133,7 @@ class Measure:
     out: Annotated[Path | None, DIR] = None
     trials: Annotated[int | None, N] = None
     seed: Annotated[int | None, N] = None
+    detector: Detectors = ()
     report: bool = True
     run: Annotated[RunOptions, FLAT] = field(default_factory=RunOptions)
 

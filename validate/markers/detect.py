@@ -73,9 +73,9 @@ class Found:
 
 
 @cache
-def _detector(dictionary: str, longer_side_px: int, quiet: bool) -> cv2.aruco.ArucoDetector:
+def _detector(dictionary: str, longer_side_px: int, quiet: bool, refinement: int) -> cv2.aruco.ArucoDetector:
     parameters = cv2.aruco.DetectorParameters()
-    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_NONE
+    parameters.cornerRefinementMethod = refinement
     parameters.minMarkerPerimeterRate = SMALLEST_PERIMETER_PX / longer_side_px
     smallest, largest = QUIET_WINDOWS_PX if quiet else NOISY_WINDOWS_PX
     parameters.adaptiveThreshWinSizeMin, parameters.adaptiveThreshWinSizeMax = smallest, largest
@@ -86,15 +86,19 @@ def _detector(dictionary: str, longer_side_px: int, quiet: bool) -> cv2.aruco.Ar
     return cv2.aruco.ArucoDetector(predefined_dictionary(dictionary), parameters)
 
 
-def find_markers(capture_dn: NDArray[np.uint16], dictionary: str) -> Found:
+def find_markers(
+    capture_dn: NDArray[np.uint16], dictionary: str, refinement: int = cv2.aruco.CORNER_REFINE_NONE
+) -> Found:
     """Find the markers of `dictionary` in a capture (height, width) of digital numbers.
+
+    `refinement` is OpenCV's, of the corners (`cv2.aruco.CORNER_REFINE_…`).
 
     A number that is found at two places in one capture names at least one wrong place: both are left out.
     """
     found: dict[int, AnyFloats] = {}
     twice: set[int] = set()
     for picture, quiet in _pictures(capture_dn):
-        numbers, corners = _searched(picture, dictionary, quiet)
+        numbers, corners = _searched(picture, dictionary, quiet, refinement)
         twice |= {number for number in numbers if numbers.count(number) > 1}
         for number, quad in zip(numbers, corners, strict=True):
             if np.abs(found.setdefault(number, quad) - quad).max() > SAME_MARKER_PX:
@@ -103,10 +107,10 @@ def find_markers(capture_dn: NDArray[np.uint16], dictionary: str) -> Found:
     return Found(np.array(kept, dtype=np.int64), np.array([found[n] for n in kept], dtype=float).reshape(-1, 4, 2))
 
 
-def _searched(picture: NDArray[np.uint8], dictionary: str, quiet: bool) -> tuple[list[int], AnyFloats]:
+def _searched(picture: NDArray[np.uint8], dictionary: str, quiet: bool, refinement: int) -> tuple[list[int], AnyFloats]:
     """Numbers of K markers in a picture, and their corners, (K, 4, 2)."""
     rimmed = cv2.copyMakeBorder(picture, *[RIM_PX] * 4, borderType=cv2.BORDER_REPLICATE)
-    quads, ids, _ = _detector(dictionary, max(rimmed.shape), quiet).detectMarkers(rimmed)
+    quads, ids, _ = _detector(dictionary, max(rimmed.shape), quiet, refinement).detectMarkers(rimmed)
     numbers = np.array([] if ids is None else ids, dtype=np.int64).ravel()
     corners = np.array(quads, dtype=float).reshape(-1, 4, 2) - RIM_PX
     modules = predefined_dictionary(dictionary).markerSize + 2

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pss import ImageSensor
+from pss import ImageSensor, RangeError
 from pss.hints import Floats
 from render.captures import captures
 from render.code_digest import Code, code_of
@@ -24,13 +24,15 @@ from render.store.arrays import check_arrays
 from render.store.folder import Store
 from render.store.views import stored_view
 from render.world.marker_print import predefined_dictionary
-from validate.markers.detect import find_markers
-from validate.markers.localise import localise
+from validate.markers.detector import Detections, Targets
+from validate.markers.detector_table import DEFAULT_DETECTOR, DETECTORS, detector_called
 
 __all__ = [
+    "EQUAL_SIGMA_PX",
     "EXCLUDED",
     "MeasureTask",
     "ViewMeasurement",
+    "detections_in",
     "load_measurement",
     "measure",
     "measure_capture",
@@ -48,6 +50,13 @@ EXCLUDED = {
 }
 """Modules that the code of a measurement does not count, with the reason."""
 
+EQUAL_SIGMA_PX = 0.3
+"""px, σ per axis that stands for the covariance of detectors that state none, the same for all their detections.
+
+Only ratios of covariances are weights; the constant sets how far apart views may be before one is rejected (7 px of two
+views). It comes from no noise model: a weight from the R under test would favour that R.
+"""
+
 
 @dataclass(frozen=True, eq=False)
 class ViewMeasurement:
@@ -55,7 +64,7 @@ class ViewMeasurement:
 
     Attributes:
         pixels: px, OpenCV's, (T, N, 2); nan where a marker was not found or not localised.
-        covariance: px², each detection's own, (T, N, 2, 2); nan likewise.
+        covariance: px², each detection's own, or `EQUAL_SIGMA_PX`² for all, (T, N, 2, 2); nan likewise.
         unexpected_ids: detections of markers that the scene does not have.
         seconds: s, spent on captures, search and localisation.
     """
@@ -94,35 +103,80 @@ class MeasureTask:
     marker_ids: tuple[int, ...]
     seed: int
     trials: int
+    detector: str = DEFAULT_DETECTOR
     code: str = field(default_factory=lambda: measure_code().digest)
 
     @property
     def path(self) -> Path:
         """Where the measurement is stored."""
         detector = f"{self.code}/{_words_of(self.dictionary)}/{','.join(map(str, self.marker_ids))}"
+        if self.detector != DEFAULT_DETECTOR:  # files of the default are those from before there were others
+            detector += f"/{DETECTORS.content(self.detector)}"
         return Store(self.store).measurement(self.view_key, detector, self.seed, self.trials)
+
+
+def detections_in(image: NDArray[np.uint16], targets: Targets, sensor: ImageSensor, detector: str) -> Detections:
+    """What a detector finds of `targets` in a capture, in their order; the rest counts as unexpected.
+
+    A number that is found at two places names at least one wrong place: both are left out.
+
+    Raises:
+        RangeError: no such detector; it raised an exception; or its detections are not what `Detections` states.
+    """
+    found = _checked(_found(image, targets, sensor, detector), detector)
+    ids = found.ids.tolist()
+    places = {number: at for at, number in enumerate(ids) if ids.count(number) == 1}
+    kept = [places[number] for number in targets.ids if number in places]
+    unexpected_ids = found.unexpected_ids + len(set(ids) - set(targets.ids))
+    covariance = None if found.covariance_px2 is None else found.covariance_px2[kept]
+    return Detections(found.ids[kept], found.centres_px[kept], covariance, unexpected_ids)
+
+
+def _found(image: NDArray[np.uint16], targets: Targets, sensor: ImageSensor, name: str) -> object:
+    chosen = detector_called(name)
+    if name in DETECTORS.own:
+        return chosen.detect(image, sensor, targets)
+    try:
+        return chosen.detect(image, sensor, targets)
+    except Exception as error:  # third-party code: the message needs the detector's name
+        raise RangeError(f"detector {name!r} raised {type(error).__name__}: {error}") from error
+
+
+def _checked(found: object, name: str) -> Detections:
+    if not isinstance(found, Detections):
+        raise RangeError(f"detector {name!r} returned {found!r:.60}; allowed: validate.Detections")
+    ids, centres = np.asarray(found.ids), np.asarray(found.centres_px, dtype=float)
+    covariance = None if found.covariance_px2 is None else np.asarray(found.covariance_px2, dtype=float)
+    if ids.ndim != 1 or (ids.size and ids.dtype.kind not in "iu"):
+        raise RangeError(f"detector {name!r}: ids {ids.shape} of {ids.dtype}; allowed: whole numbers, (K,)")
+    if centres.shape != (len(ids), 2) or not np.isfinite(centres).all():
+        raise RangeError(f"detector {name!r}: centres_px {centres.shape}; allowed: finite, ({len(ids)}, 2)")
+    if covariance is not None:
+        if covariance.shape != (len(ids), 2, 2):
+            raise RangeError(f"detector {name!r}: covariance_px2 {covariance.shape}; allowed: ({len(ids)}, 2, 2)")
+        definite = np.isfinite(covariance).all() and (
+            (covariance[:, 0, 0] > 0) & (np.linalg.det(covariance) > 0) & (covariance[:, 0, 1] == covariance[:, 1, 0])
+        )
+        if not np.all(definite):
+            raise RangeError(f"detector {name!r}: a covariance_px2 that is none; allowed: symmetric, positive definite")
+    return Detections(ids.astype(np.int64), centres, covariance, found.unexpected_ids)
 
 
 def measure_capture(
     capture_dn: NDArray[np.uint16],
-    dictionary: str,
-    marker_ids: tuple[int, ...],
+    targets: Targets,
     sensor: ImageSensor,
+    detector: str = DEFAULT_DETECTOR,
 ) -> tuple[Floats, Floats, int]:
     """Find and localise markers in one capture: pixels (N, 2), covariance (N, 2, 2), number of unexpected ids."""
-    pixels = np.full((len(marker_ids), 2), np.nan)
-    covariance = np.full((len(marker_ids), 2, 2), np.nan)
-    index = {marker: number for number, marker in enumerate(marker_ids)}
-    found = find_markers(capture_dn, dictionary)
-    unexpected_ids = 0
-    for marker, corners in zip(found.ids.tolist(), found.corners_px, strict=True):
-        if marker not in index:
-            unexpected_ids += 1
-            continue
-        localised = localise(capture_dn, corners, marker, dictionary, sensor)
-        if localised is not None:
-            pixels[index[marker]], covariance[index[marker]] = localised.centre_px, localised.covariance_px2
-    return pixels, covariance, unexpected_ids
+    pixels = np.full((len(targets.ids), 2), np.nan)
+    covariance = np.full((len(targets.ids), 2, 2), np.nan)
+    found = detections_in(capture_dn, targets, sensor, detector)
+    index = {marker: number for number, marker in enumerate(targets.ids)}
+    places = [index[number] for number in found.ids.tolist()]
+    pixels[places] = found.centres_px
+    covariance[places] = EQUAL_SIGMA_PX**2 * np.eye(2) if found.covariance_px2 is None else found.covariance_px2
+    return pixels, covariance, found.unexpected_ids
 
 
 def measure(task: MeasureTask) -> Path:
@@ -136,7 +190,7 @@ def measure(task: MeasureTask) -> Path:
     store = Store(task.store)
     view = stored_view(store, task.view_key)
     trials = [
-        measure_capture(numbers, task.dictionary, task.marker_ids, view.sensor)
+        measure_capture(numbers, Targets(task.dictionary, task.marker_ids), view.sensor, task.detector)
         for numbers in captures(view, task.seed, range(task.trials))
     ]
     pixels, covariances, unexpected_ids = zip(*trials, strict=True)

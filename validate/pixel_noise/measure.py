@@ -24,6 +24,7 @@ from render.sensor import FixedPattern, capture, expected_electrons, fixed_patte
 from render.store.arrays import Arrays, check_arrays
 from render.store.folder import Store
 from validate.acquire.queue import WorkerQueue
+from validate.markers.detector import Targets
 from validate.markers.view_measurement import EXCLUDED as MEASURE_EXCLUDED
 from validate.markers.view_measurement import measure_capture
 from validate.pixel_noise.design import Plan, Shot
@@ -79,10 +80,10 @@ class Task:
 def find_centres(task: Task, electrons: NDArray[np.float32], pattern: FixedPattern) -> Arrays:
     """Centres and covariances found in captures of mean photoelectrons (height, width)."""
     name = f"pixel noise {task.sensor.exposure_ms!r}"
-    trials = []
+    targets, trials = Targets(DICTIONARY, (task.marker_id,)), []
     for trial in range(task.trials):
         numbers = capture(electrons, task.sensor, random_stream(task.seed, content_of(task.key), name, trial), pattern)
-        trials.append(measure_capture(numbers, DICTIONARY, (task.marker_id,), task.sensor))
+        trials.append(measure_capture(numbers, targets, task.sensor))
     pixels, covariances, unexpected_ids = zip(*trials, strict=True)
     return {
         "pixels": np.array(pixels)[:, 0],

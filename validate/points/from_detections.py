@@ -9,7 +9,8 @@ import numpy as np
 
 from pss import PTZCamera, ShapeError
 from pss.hints import Floats, Integers
-from validate.markers.detections import Detections
+from validate.markers.detector import Detections
+from validate.markers.view_measurement import EQUAL_SIGMA_PX
 from validate.points.triangulate import triangulate as triangulate_trials
 
 __all__ = ["Points", "triangulate"]
@@ -38,6 +39,8 @@ class Points:
 def triangulate(cameras: Sequence[PTZCamera], detections: Sequence[Detections]) -> Points:
     """Triangulate the markers that two or more cameras found: maximum likelihood, with the detections' covariances.
 
+    Detections without a covariance all have the same weight, that of `EQUAL_SIGMA_PX`.
+
     Args:
         cameras: C of them.
         detections: C, of each camera's capture (`detect`), in the same order.
@@ -55,7 +58,9 @@ def triangulate(cameras: Sequence[PTZCamera], detections: Sequence[Detections]) 
     covariance = np.full((len(cameras), 1, len(ids), 2, 2), np.nan)
     for number, found in enumerate(detections):
         places = np.searchsorted(ids, found.ids)
-        pixels[number, 0, places], covariance[number, 0, places] = found.centres_px, found.covariance_px2
+        pixels[number, 0, places] = found.centres_px
+        stated = found.covariance_px2
+        covariance[number, 0, places] = EQUAL_SIGMA_PX**2 * np.eye(2) if stated is None else stated
     if not ids.size:
         return Points(ids, np.empty((0, 3)), np.empty((0, 3, 3)), ids)
     made = triangulate_trials(cameras, pixels, covariance)

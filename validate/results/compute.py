@@ -12,6 +12,7 @@ from scenes.reading.document import check_overrides
 from validate.acquire.messages import RunMessages
 from validate.acquire.options import HERE, Scale
 from validate.acquire.source import ViewSource, open_source
+from validate.markers.detector_table import DEFAULT_DETECTOR
 from validate.results.run_request import RunRequest
 from validate.results.run_result import RunResult
 from validate.sweeps.plan_and_assess import assessed, planned, requested_views
@@ -33,7 +34,7 @@ def compute(
         ScaleError: workers are requested that cannot be used.
     """
     began = time.perf_counter() if began is None else began
-    plans = planned(loaded, source)
+    plans = planned(loaded, source, detector=request.detector)
     requested = requested_views(plans)
     acquired = source.acquire(requested)
     after_views = time.perf_counter()
@@ -53,6 +54,7 @@ def sweep(
     allow_outside: bool = False,
     quiet: bool = True,
     scale: Scale = HERE,
+    detector: str = DEFAULT_DETECTOR,
 ) -> RunResult:
     """Predict and measure sweeps of camera settings: what the command `run_sweep.py SWEEP…` computes.
 
@@ -69,6 +71,7 @@ def sweep(
         allow_outside: let files name others outside their folder.
         quiet: whether no progress is printed.
         scale: where views are rendered and measured.
+        detector: name of the one that measures the views (docs/own-detector.md); stored views are not rendered again.
 
     Raises:
         RangeError: no sweep, one twice, or a number that is not allowed.
@@ -87,6 +90,7 @@ def sweep(
         variant,
         allow_outside=allow_outside,
         scale=scale,
+        detector=detector,
     )
     request.check()
     if Path(request.store).is_file():

@@ -17,6 +17,7 @@ from render.store.remote import open_store
 from scenes import load_sweep
 from validate.acquire.messages import RunMessages
 from validate.acquire.source import ViewSource
+from validate.markers.detector_table import DEFAULT_DETECTOR, detector_called
 from validate.pages.data import read_sweeps
 from validate.pages.named import Given
 from validate.pages.stored import stored_measurements
@@ -73,7 +74,9 @@ def remade(folder: Path, given: Given = NOTHING_GIVEN, strategy: Sequence[str] =
     tables = read_sweeps(folder)
     labels = {table.name: table.labels for table in tables}
     sweeps = []
-    for made in planned(loaded, source):
+    detector = option(folder, options, "detector") or DEFAULT_DETECTOR  # a run from before there were others
+    detector_called(detector)
+    for made in planned(loaded, source, detector=detector):
         sweep, scene = made.sweep, made.scene
         if as_json([sweep.resolved(), scene.resolved()]) != [
             said[kind].get(sweep.name) for kind in ("sweeps", "scenes")

@@ -10,6 +10,7 @@ from pss.inputs import number
 from scenes import Scene, SweepFile, known_sweeps
 from scenes.reading.document import SWEEP_PREFIX
 from validate.acquire.options import HERE, Scale
+from validate.markers.detector_table import DEFAULT_DETECTOR, detector_called
 from validate.runs.file_names import check_default_folder, check_names, sweep_name
 from validate.runs.input_files import load_measurement_of, load_sweeps
 from validate.runs.outputs import check_folders
@@ -37,6 +38,8 @@ class RunRequest:
     report: bool = True
     cameras: tuple[str, ...] | None = None
     """Of `scene`, which is measured as it is, without sweeps: those that take part, all if there are none."""
+    detector: str = DEFAULT_DETECTOR
+    """Name of the one that measures the views."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -47,10 +50,10 @@ class RunRequest:
 
     @property
     def folder(self) -> Path:
-        """Where the results go."""
-        if self.cameras is not None:
-            return self.out or Path("results") / "measure" / self.names[0]
-        return self.out or Path("results") / "-".join(self.names)
+        """Where the results go: those of other detectors than the default below its folder."""
+        own = Path("results") / ("-".join(self.names) if self.cameras is None else f"measure/{self.names[0]}")
+        folder = self.out or own
+        return folder if self.detector == DEFAULT_DETECTOR else folder / "detectors" / self.detector
 
     @property
     def overrides(self) -> tuple[str, ...]:
@@ -62,7 +65,7 @@ class RunRequest:
         """Refuse what is wrong before any file is read.
 
         Raises:
-            RangeError: no sweep, one twice, or a number that is not allowed.
+            RangeError: no sweep, one twice, no such detector, or a number that is not allowed.
             MissingLibraryError: workers are requested, and Dask is missing.
         """
         if not self.sweeps and self.cameras is None:
@@ -71,6 +74,7 @@ class RunRequest:
             raise RangeError(f"--trials {self.trials}; allowed: {FEWEST_TRIALS} or more (one has no spread)")
         if self.seed is not None and number(self.seed, "seed") < 0:
             raise RangeError(f"--seed {self.seed}; allowed: 0 or more")
+        detector_called(self.detector)
         check_names(self.names)
         self.scale.check()
 

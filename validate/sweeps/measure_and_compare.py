@@ -16,6 +16,7 @@ from scenes import Scene
 from scenes.steps.measurement import measurement_of
 from validate.acquire.messages import RunMessages
 from validate.acquire.source import open_source
+from validate.markers.detector_table import DEFAULT_DETECTOR, detector_called
 from validate.points.configuration import Measured
 from validate.runs.console import Console
 from validate.stats.measured_errors import FEWEST_TRIALS, MeasuredErrors
@@ -130,6 +131,7 @@ def measure(
     *,
     variant: str | None = None,
     quiet: bool = True,
+    detector: str = DEFAULT_DETECTOR,
 ) -> Measurement:
     """Measure the error of the scene's markers: render, capture, detect, triangulate and track.
 
@@ -144,9 +146,10 @@ def measure(
         store: folder of rendered views and measurements, or an address that fsspec supports.
         variant: Mitsuba's variant; None for LLVM if there is a libLLVM, else scalar.
         quiet: whether no progress is printed.
+        detector: name of the one that measures the views (docs/own-detector.md).
 
     Raises:
-        RangeError: no camera, a name twice, or a number that is not allowed.
+        RangeError: no camera, a name twice, no such detector, or a number that is not allowed.
         StoreError: the store cannot be used, or the disk is full.
         FailedViewError: a view could not be rendered or measured; the line has its camera and the cause.
     """
@@ -159,11 +162,12 @@ def measure(
         raise RangeError(f"trials = {trials}; allowed: {FEWEST_TRIALS} or more (one has no spread)")
     if number(seed, "seed") < 0:
         raise RangeError(f"seed = {seed}; allowed: 0 or more")
+    detector_called(detector)
     given = scene.replace(cameras=tuple(cameras))
     sweep = measurement_of(given, names, [f"sweep.trials={trials}", f"sweep.seed={seed}"])
     with RunMessages(quiet) as messages:
         source = open_source(str(store), variant, messages)
-        plans = planned([(sweep, given)], source)
+        plans = planned([(sweep, given)], source, detector=detector)
         requested = requested_views(plans)
         acquired = source.acquire(requested)
     for item in requested:

@@ -10,17 +10,25 @@ from validate.acquire.auto_exposure import with_exposures
 from validate.acquire.forecast import exposures_assumed
 from validate.acquire.request import Acquired, Acquisition
 from validate.acquire.source import ViewSource
+from validate.markers.detector_table import DEFAULT_DETECTOR
 from validate.sweeps.sweep import Plan, SweepResult, assess_sweep, plan
 
 __all__ = ["assessed", "planned", "requested_views"]
 
 
-def planned(loaded: Sequence[tuple[SweepFile, Scene]], source: ViewSource, *, forecast: bool = False) -> list[Plan]:
+def planned(
+    loaded: Sequence[tuple[SweepFile, Scene]],
+    source: ViewSource,
+    *,
+    forecast: bool = False,
+    detector: str = DEFAULT_DETECTOR,
+) -> list[Plan]:
     """Choose exposures of "auto", name the views of each sweep, and warn of what the scenes warn of.
 
     Args:
         loaded: sweeps with their scenes.
         source: of the views; it may solve light, by which exposures are chosen.
+        detector: name of the one that measures the views.
         forecast: solve no light: the longest exposure stands in for one that would need it.
     """
     messages = source.messages
@@ -39,7 +47,8 @@ def planned(loaded: Sequence[tuple[SweepFile, Scene]], source: ViewSource, *, fo
             messages.light_solved,
         )
     plans = [
-        plan(sweep, scene, source.renderer, Sampling(noise_ratio=sweep.render_noise_ratio)) for sweep, scene in exposed
+        plan(sweep, scene, source.renderer, Sampling(noise_ratio=sweep.render_noise_ratio), detector)
+        for sweep, scene in exposed
     ]
     of_steps = dict.fromkeys(
         warning for each in plans for step in each.configurations for warning in step.scene.warnings

@@ -15,6 +15,7 @@ from render.lens.sampling import Sampling
 from render.random_streams import random_stream
 from scenes import Configuration, Scene, SweepFile
 from validate.acquire.acquire import Acquired, Acquisition, views_of
+from validate.markers.detector_table import DEFAULT_DETECTOR
 from validate.markers.view_measurement import ViewMeasurement
 from validate.prediction.contenders import shown_model
 from validate.prediction.own_metrics import OwnScores, own_metrics, own_scores
@@ -95,8 +96,8 @@ class SweepResult:
         return np.array([h.pss() for h in first]), np.array([h.pss() for h in second])
 
 
-def plan(sweep: SweepFile, scene: Scene, renderer: str, sampling: Sampling) -> Plan:
-    """Name the views that a sweep needs.
+def plan(sweep: SweepFile, scene: Scene, renderer: str, sampling: Sampling, detector: str = DEFAULT_DETECTOR) -> Plan:
+    """Name the views that a sweep needs, and the detector that measures them.
 
     Raises:
         RangeError: the scene's exposure is still to be chosen; a view's name contains it.
@@ -105,7 +106,8 @@ def plan(sweep: SweepFile, scene: Scene, renderer: str, sampling: Sampling) -> P
         raise RangeError(f'{scene.path}: sensor.exposure_ms = "auto"; allowed: a scene after Scene.with_exposure')
     configurations = tuple(sweep.configurations(scene))
     views = tuple(
-        views_of(each.scene, each.cameras, sampling, renderer, sweep.seed, sweep.trials) for each in configurations
+        views_of(each.scene, each.cameras, sampling, renderer, sweep.seed, sweep.trials, detector)
+        for each in configurations
     )
     return Plan(sweep, scene, configurations, views)
 
