@@ -27,6 +27,7 @@ from pss.metric.table import MetricTable
 from pss.metrics import OF_THE_PAPER
 from scenes import load_sweep
 from tests.helpers.documents import BLOCKS, DOCS, PAGES, ROOT, shell_lines, toml_file
+from tests.helpers.installed import own_detector
 from validate import run_sweep
 from validate.bank import judge
 from validate.commands.subcommands import SUBCOMMANDS
@@ -37,9 +38,6 @@ RUN_ELSEWHERE = {
     "README.md": "tests/docs/test_readme.py::test_the_example_runs",
     "docs/library.md": "tests/docs/test_library_doc.py::test_the_notebooks_code_prints_what_is_stored",
     "docs/scenes.md": "tests/render/files/test_exr.py::test_the_documented_way_to_read_a_view_runs",
-    "docs/own-detector.md": (
-        "tests/docs/test_own_detector.py::test_the_documented_detector_finds_and_triangulates_drawn_markers"
-    ),
 }
 # Beginnings of lines of the `sh` blocks that this file does not run, and why not. What is a sweep or a subcommand is
 # parsed all the same, with its files, up to the point where the work would begin.
@@ -59,6 +57,7 @@ SLOW = {
     ".venv/bin/python validate/run_sweep.py zoom --set sensor.exposure_ms=8": "renders forty views",
     ".venv/bin/python validate/run_sweep.py new-scene": "tests/docs/test_commands_doc.py runs it",
     ".venv/bin/python validate/run_sweep.py check": "the same",
+    ".venv/bin/python validate/run_sweep.py zoom --detector": "two minutes; test_own_detector.py measures drawn views",
     ".venv/bin/python validate/run_sweep.py zoom --trials 5": "a minute and a half; an acceptance test runs it",
     ".venv/bin/python validate/run_sweep.py docs/examples/lab-zoom.toml": "the same",
     ".venv/bin/python -m pip install --no-deps": "builds a package; an acceptance test installs it",
@@ -234,8 +233,13 @@ SWEEPS = [line for line in shell_lines() if not quick(line) and "run_sweep.py" i
 
 
 @pytest.mark.parametrize("line", SWEEPS)
-def test_slow_commands_are_understood(line, monkeypatch):
+def test_slow_commands_are_understood(line, monkeypatch, tmp_path):
     """Options exist and files load; the work itself is left out."""
+    with own_detector(tmp_path):
+        understood(line, monkeypatch)
+
+
+def understood(line: str, monkeypatch) -> None:
     from validate.commands import run_and_save
 
     monkeypatch.chdir(ROOT)
@@ -246,7 +250,7 @@ def test_slow_commands_are_understood(line, monkeypatch):
         command = importlib.import_module(f"validate.commands.{words[0].replace('-', '_')}")
         monkeypatch.setattr(command, "execute", lambda options: begun.append(options) or 0)
     assert run_sweep.main(words) == 0
-    assert len(begun) == 1
+    assert len(begun) == max(1, words.count("--detector"))
 
 
 def without_blocks(page: Path) -> str:

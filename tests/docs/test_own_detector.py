@@ -1,61 +1,78 @@
-"""The detector of docs/own-detector.md: its blocks run over a folder of views, and find what was drawn there."""
+"""The detector of docs/own-detector.md, installed as the page shows it, measures drawn views of its own package."""
 
 from __future__ import annotations
 
-import csv
 import dataclasses
-import re
+import warnings
 
 import numpy as np
 import pytest
 
 import scenes
-from render.files.exr import write_view
+import validate.acquire.acquire as acquiring
 from render.lens.sampling import Sampling
-from render.renderer import ViewRequest
-from tests.helpers.documents import DOCS, ROOT, blocks_of
-from tests.helpers.drawn_sweep import drawn
+from render.store.folder import Store
+from scenes import load_sweep
+from tests.helpers.closet import SCENE, SWEEP
+from tests.helpers.drawn_sweep import DrawingRenderer, stand_in
+from tests.helpers.installed import EXAMPLES, own_detector
+from tests.helpers.stored_views import no_progress
+from validate.acquire.acquire import acquire
+from validate.markers.detector_table import DETECTORS
+from validate.sweeps.sweep import assess_sweep, plan
 
-# Of the drawing's white, which is bright enough for a lamp close by: as the room's markers are lit.
-DIMMED = 0.04
-# m: corners that OpenCV refines to no better than a few tenths of a pixel, three metres away.
-WITHIN_M = 0.01
-# px: what another convention of pixels would put between detection and projection.
-HALF_A_PIXEL = 0.5
+# m: unrefined corners are good to a quarter of a pixel, and a pixel is 3 mm and more on the board.
+WITHIN_M = 0.03
 
 
-@pytest.mark.slow
-def test_the_documented_detector_finds_and_triangulates_drawn_markers(tmp_path, monkeypatch, capsys):
-    """Five captures of two drawn views of the room; a view of another zoom is left alone, as the block says."""
-    monkeypatch.chdir(tmp_path)
-    folder = tmp_path / "results" / "zoom"
-    (folder / "views").mkdir(parents=True)
-    (tmp_path / "scenes").symlink_to(ROOT / "scenes")
-    scene = scenes.load(ROOT / "scenes" / "room.toml")
-    rows = []
-    for number, zoom in ((0, 3.0), (1, 3.0), (2, 1.0)):
-        camera = dataclasses.replace(scene.cameras[number], zoom=zoom)
-        request = ViewRequest(scene.state, camera, scene.sensor, Sampling(noise_ratio=0.6), "drawn")
-        view = drawn(request)
-        view = dataclasses.replace(view, radiance=DIMMED * view.radiance)
-        write_view(folder / "views" / f"{request.key}.exr", view, request)
-        rows.append({"camera": camera.name, "zoom": zoom, "exr": f"views/{request.key}.exr"})
-    with (folder / "views.csv").open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, rows[0].keys())
-        writer.writeheader()
-        writer.writerows(rows)
+@pytest.fixture
+def stock(tmp_path):
+    site = tmp_path / "site"
+    site.mkdir()
+    with warnings.catch_warnings(), own_detector(site) as name:
+        warnings.simplefilter("error")
+        assert name in DETECTORS
+        yield name
 
-    names: dict[str, object] = {}
-    for block in blocks_of(DOCS / "own-detector.md"):
-        if block.language == "python":
-            exec(compile(block.text, str(block), "exec"), names)
-    assert len(names["views"]) == 2
-    printed = re.fullmatch(r"(\d+) of 84 markers, median error ([\d.]+) mm\n", capsys.readouterr().out)
-    assert printed is not None
-    assert int(printed[1]) >= 10
-    assert float(printed[2]) < 1e3 * WITHIN_M
-    pixels = names["pixels"]
-    seen = np.isfinite(pixels).all(axis=-1)
-    for view, found, at in zip(names["views"], pixels, seen, strict=True):
-        expected = np.broadcast_to(view.camera.project(scene.state.points_m)[0], found.shape)
-        assert np.abs(np.median((found - expected)[at], axis=0)).max() < HALF_A_PIXEL / 2
+
+def test_stored_views_are_measured_again_without_rendering(stock, tmp_path, monkeypatch):
+    """With the default, a built-in detector and the page's, each with measurements of its own."""
+    (tmp_path / "closet.toml").write_text(SCENE)
+    (tmp_path / "zooming.toml").write_text(SWEEP.replace("values = [1.5, 2.0, 3.0]", "values = [2.0]"))
+    stand_in(monkeypatch.setattr, workers=False)
+    monkeypatch.setattr(acquiring, "Renderer", DrawingRenderer)
+    sweep = load_sweep(tmp_path / "zooming.toml")
+    scene = scenes.load(sweep.scene_path)
+    rendered, rms_m = [], []
+    for name in ("registration", "aruco-subpix", stock):
+        planned = plan(sweep, scene, "drawn", Sampling(), name)
+        acquired = acquire([item for views in planned.views for item in views], Store(tmp_path), None, no_progress)
+        assert not acquired.failed
+        assert acquired.measured_items
+        rendered.append(acquired.rendered)
+        (assessment,) = assess_sweep(planned, acquired).assessments
+        assert (assessment.measured.errors.detections > 0).sum() >= 8
+        rms_m.append(assessment.measured.errors.pooled_rms_m)
+    assert rendered[0] > 0
+    assert rendered[1:] == [0, 0]
+    assert len(set(rms_m)) == 3
+    assert max(rms_m) < WITHIN_M
+
+
+def test_an_edited_detector_has_other_measurements(stock, tmp_path):
+    before = DETECTORS.content(stock)
+    assert before.startswith("stock-aruco stock-aruco=1.0 numpy=" + np.__version__)
+    assert "opencv-contrib-python-headless=" in before
+    module = tmp_path / "site" / "stock_aruco.py"
+    module.write_text(module.read_text().replace("255", "254"))
+    DETECTORS.reload_entry_points()
+    assert DETECTORS.content(stock) != before
+
+
+def test_the_page_shows_the_files_of_the_example():
+    """Each to the letter: test_docs.py compares the blocks; here, that the package has no further file."""
+    assert sorted(path.name for path in (EXAMPLES / "own-detector").iterdir() if path.is_file()) == [
+        "pyproject.toml",
+        "stock_aruco.py",
+    ]
+    assert [field.name for field in dataclasses.fields(type(DETECTORS["registration"]))] == ["name", "targets"]

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from pss import NOISE_MODELS
+from validate.markers.detector_table import DETECTORS
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
 
@@ -23,7 +24,10 @@ def installed(example: str, site: Path) -> Iterator[None]:
     project = tomllib.loads((source / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     record = site / f"{project['name'].replace('-', '_')}-{project['version']}.dist-info"
     record.mkdir()
-    (record / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n")
+    required = "".join(f"Requires-Dist: {each}\n" for each in project["dependencies"])
+    (record / "METADATA").write_text(
+        f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n{required}"
+    )
     lines = []
     for group, entries in project["entry-points"].items():
         lines += [f"[{group}]", *(f"{name} = {value}" for name, value in entries.items())]
@@ -47,3 +51,14 @@ def own_noise(site: Path) -> Iterator[str]:
             yield "on-a-mast"
         finally:
             NOISE_MODELS.reload_entry_points()
+
+
+@contextlib.contextmanager
+def own_detector(site: Path) -> Iterator[str]:
+    """The name of the detector that docs/examples/own-detector adds to the table of detectors."""
+    with installed("own-detector", site):
+        DETECTORS.reload_entry_points()
+        try:
+            yield "stock-aruco"
+        finally:
+            DETECTORS.reload_entry_points()
