@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import signal
+import threading
 from collections.abc import Iterator
 from types import FrameType
 
@@ -25,15 +26,31 @@ def raise_if_interrupted() -> None:
 
 @contextlib.contextmanager
 def interrupts_held() -> Iterator[None]:
-    """Hold Ctrl-C back until the block ends, where the system can (a signal mask)."""
+    """Hold Ctrl-C back until the block ends, where the system can (a signal mask, which new processes inherit).
+
+    A mask holds for one thread. If the process has others, one of them receives the signal, and Python would run the
+    handler in the main thread all the same: so the handler only takes note, too.
+    """
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
+    arrived = False
+
+    def note(number: int, frame: FrameType | None) -> None:
+        nonlocal arrived
+        arrived = True
+
+    # Handlers belong to the main thread.
+    handler = signal.signal(signal.SIGINT, note) if threading.current_thread() is threading.main_thread() else None
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        if handler is not None:
+            signal.signal(signal.SIGINT, handler)
+            if arrived:
+                signal.raise_signal(signal.SIGINT)
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

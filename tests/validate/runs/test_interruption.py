@@ -1,0 +1,41 @@
+"""Ctrl-C is held back while a worker starts, whichever thread receives it."""
+
+import os
+import signal
+import threading
+
+import pytest
+
+from validate.runs.interruption import interrupts_held
+
+pytestmark = pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="no signal masks here")
+
+
+@pytest.mark.parametrize("with_another_thread", [False, True])
+def test_an_interrupt_arrives_after_the_block(with_another_thread):
+    """Another thread, which masks nothing, receives the signal; Python would interrupt the main thread for it."""
+    done = threading.Event()
+    if with_another_thread:
+        threading.Thread(target=done.wait, args=(10,), daemon=True).start()
+    steps = []
+
+    def interrupted_block() -> None:
+        with interrupts_held():
+            os.kill(os.getpid(), signal.SIGINT)
+            for _ in range(1000):  # a handler runs between two instructions
+                pass
+            steps.append("the whole block")
+
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            interrupted_block()
+        assert steps == ["the whole block"]
+    finally:
+        done.set()
+
+
+def test_the_handler_is_the_former_one_afterwards():
+    before = signal.getsignal(signal.SIGINT)
+    with interrupts_held():
+        assert signal.getsignal(signal.SIGINT) is not before
+    assert signal.getsignal(signal.SIGINT) is before
