@@ -24,7 +24,7 @@ from scenes import Scene
 from validate.acquire.acquire import Acquired, Acquisition, views_of
 from validate.bank.subpixel_shifts import joined, turned
 from validate.markers.view_measurement import ViewMeasurement
-from validate.stats.measured_errors import FEWEST_TRIALS
+from validate.stats.measured_errors import check_trials
 
 __all__ = [
     "BankDesign",
@@ -81,8 +81,7 @@ class BankDesign:
     seed: int = 1
 
     def __post_init__(self) -> None:
-        if self.trials < FEWEST_TRIALS:
-            raise RangeError(f"--trials {self.trials}; allowed: {FEWEST_TRIALS} or more (one has no spread)")
+        check_trials(self.trials, f"--trials {self.trials}")
         for name in ("settings", "turns", "detection_settings"):
             if getattr(self, name) < 1:
                 raise RangeError(f"--{name.replace('_', '-')} {getattr(self, name)}; allowed: 1 or more")

@@ -49,7 +49,7 @@ def execute(options: Bank) -> int:
     """Judge metrics and noise models on a bank of views, save and print the tables; the exit code."""
     shared, out, configurations = options.run, options.out, options.configurations
     shared.scale.check()
-    design = BankDesign(settings=options.settings, trials=options.trials, turns=options.turns, seed=options.seed)
+    design = BankDesign(**vars(options.views))
     if configurations < FEWEST_CONFIGURATIONS:
         raise RangeError(f"--configurations {configurations}; allowed: {FEWEST_CONFIGURATIONS} or more, to be ranked")
     check_folders(out, shared.store)

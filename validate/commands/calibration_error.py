@@ -45,7 +45,7 @@ def execute(options: CalibrationError) -> int:
     out, rendering = options.out, options.rendering
     options.scale.check()
     check_folders(out, rendering.store)
-    design = BankDesign(settings=options.settings, trials=options.trials, turns=options.turns, seed=options.seed)
+    design = BankDesign(**vars(options.views))
     loaded = scenes.load(options.scene or SWEEPS.parent / "room.toml", allow_outside=options.allow_outside)
     check_keys(loaded)
     with RunMessages(width=WIDTH) as messages:

@@ -19,6 +19,7 @@ __all__ = [
     "REPEATED",
     "STORE",
     "AllowOutside",
+    "BankViews",
     "Detectors",
     "N",
     "Rendering",
@@ -96,6 +97,23 @@ class RunOptions(SceneFiles, Rendering):
     dry_run: bool = False
     quiet: bool = False
     scale: Annotated[Scale, FLAT] = HERE
+
+
+@dataclass(frozen=True)
+class BankViews:
+    """Which views a bank has, for the commands that share it: fields of `validate.bank.design.BankDesign`.
+
+    Attributes:
+        settings: views of each camera.
+        trials: noisy captures of each render.
+        turns: renders of each view at slightly turned settings.
+        seed: of settings, captures and draws.
+    """
+
+    settings: int = 10
+    trials: int = 10
+    turns: int = 2
+    seed: int = 1
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from validate.commands.options import (
     REPEATED,
     STORE,
     AllowOutside,
+    BankViews,
     Detectors,
     N,
     Rendering,
@@ -146,7 +147,7 @@ class Compare:
     Ratios and differences have intervals as of independent runs: too wide, if runs share markers or seeds.
 
     Attributes:
-        runs: folders that runs left; the first is what the others are compared with.
+        runs: results of runs; the first is what the others are compared with.
         rows: what is compared (default: what differs in the settings, what was measured, and the correlations).
         table: print one table in this form, with all its rows, and nothing else (default of --rows: measured).
         out: the page (default: results/compare/compare.html, which --rows and --table leave as it is).
@@ -225,22 +226,15 @@ class Bank:
         calibration: judge with this calibration as it is ("calibrated" for the shipped one); no training views are
             rendered and nothing is fitted.
         out: folder for the results.
-        settings: views of each camera.
         configurations: of each of 2, 3, 4 and 6 cameras.
-        trials: noisy captures of each render.
-        turns: renders of each view at slightly turned settings.
-        seed: of settings, captures and draws.
     """
 
     scene: Annotated[Path | None, FILE] = None
     second_scene: Annotated[Path | None, FILE] = None
     calibration: Annotated[Path | None, FILE] = None
     out: Annotated[Path, DIR] = Path("results/bank")
-    settings: int = 10
     configurations: int = 500
-    trials: int = 10
-    turns: int = 2
-    seed: int = 1
+    views: Annotated[BankViews, FLAT] = field(default_factory=BankViews)
     run: Annotated[RunOptions, FLAT] = field(default_factory=RunOptions)
 
 
@@ -253,20 +247,13 @@ class CalibrationError:
     Attributes:
         scene: scene file (default: the room).
         out: folder for the results.
-        settings: views of each camera.
         configurations: of four cameras.
-        trials: noisy captures of each render.
-        turns: renders of each view at slightly turned settings.
-        seed: of settings, captures and draws.
     """
 
     scene: Annotated[Path | None, FILE] = None
     out: Annotated[Path, DIR] = Path("results/calibration-error")
-    settings: int = 10
     configurations: int = 200
-    trials: int = 10
-    turns: int = 2
-    seed: int = 1
+    views: Annotated[BankViews, FLAT] = field(default_factory=BankViews)
     allow_outside: AllowOutside = False
     rendering: Annotated[Rendering, FLAT] = field(default_factory=Rendering)
     scale: Annotated[Scale, FLAT] = HERE
@@ -295,10 +282,10 @@ class Report:
     """Make report.html and scene.glb of a finished run again, from its CSV files and the store.
 
     Of what the folder's run.json names, sweeps and scenes of the project, files in the folder and results/store are
-    used. All else is given anew: the folder may be a stranger's.
+    used. All else is passed anew: the folder may come from elsewhere.
 
     Attributes:
-        folder: results that a run of sweeps or of a schedule has left.
+        folder: results of a run of sweeps or of a schedule.
         store: folder of rendered views and measurements, or an address.
         scene: scene file that was given to the run in place of the sweeps' own.
         file: sweep or schedule file of one's own that was given to the run; may be repeated.
@@ -333,7 +320,7 @@ class StorePrune:
     Attributes:
         older_than: age, such as 30d or 12h.
         keep_below: size of all that stays, such as 20GB; the oldest goes first.
-        unused_by: folders that runs left: views and measurements that none of them uses.
+        unused_by: results of runs: views and measurements that none of them uses.
         stale: what other code or other versions of libraries made, so that no run of this installation uses it.
         yes: remove it.
     """

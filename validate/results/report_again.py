@@ -50,10 +50,10 @@ def remade(folder: Path, given: Given = NOTHING_GIVEN, strategy: Sequence[str] =
         StoreError: the folder is not that of a run, it names what is not given, its files have changed since, or the
             store lacks what it used.
     """
-    said = _run_of(folder)
-    if "schedule" in said:
-        return remade_schedule(folder, said, given, strategy)
-    options = said["options"]
+    record = _run_of(folder)
+    if "schedule" in record:
+        return remade_schedule(folder, record, given, strategy)
+    options = record["options"]
     address = given.store_of(folder, needed(folder, options, "store"))
     messages = RunMessages(quiet=True)
     source = ViewSource(open_store(address), address, backend.choose(option(folder, options, "variant")), messages)
@@ -79,7 +79,7 @@ def remade(folder: Path, given: Given = NOTHING_GIVEN, strategy: Sequence[str] =
     for made in planned(loaded, source, detector=detector):
         sweep, scene = made.sweep, made.scene
         if as_json([sweep.resolved(), scene.resolved()]) != [
-            said[kind].get(sweep.name) for kind in ("sweeps", "scenes")
+            record[kind].get(sweep.name) for kind in ("sweeps", "scenes")
         ]:
             raise StoreError(
                 f"{sweep.path} or {scene.path} has changed since the run in {folder}; allowed: the files that it was "
@@ -91,11 +91,11 @@ def remade(folder: Path, given: Given = NOTHING_GIVEN, strategy: Sequence[str] =
 
 
 def _run_of(folder: Path) -> dict[str, Any]:
-    said = SavedRun(folder).run
-    if said:
-        of_what = ("schedule", "scene") if "schedule" in said else ("sweeps", "scenes")
-        if all(isinstance(said.get(name), dict) for name in ("options", *of_what)):
-            return said
+    record = SavedRun(folder).run
+    if record:
+        of_what = ("schedule", "scene") if "schedule" in record else ("sweeps", "scenes")
+        if all(isinstance(record.get(name), dict) for name in ("options", *of_what)):
+            return record
     raise StoreError(
         f"{folder} has no run.json of a run of sweeps or of a schedule; allowed: a folder that "
         f"{program_name()} SWEEP… or {program_name()} schedule has left"
@@ -104,13 +104,13 @@ def _run_of(folder: Path) -> dict[str, Any]:
 
 def _from_store(made: Plan, labels: tuple[str, ...], source: ViewSource) -> SweepForReport:
     kept = [pair for pair in zip(made.configurations, made.views, strict=True) if pair[0].label in labels]
-    measured = stored_measurements((item for _, wanted in kept for item in wanted), source.store)
+    measured = stored_measurements((item for _, views in kept for item in views), source.store)
     predictions = []
-    looks: dict[str, Any] = {}
+    appearances: dict[str, Any] = {}
     for configuration, _ in kept:
         state = configuration.scene.state
         key = state_key(state)
-        if key not in looks:
-            looks[key] = lit_scene.appearance(state, baked(state, source.store, source.backend))
-        predictions.append(predict(configuration.scene, configuration.cameras, looks[key]))
+        if key not in appearances:
+            appearances[key] = lit_scene.appearance(state, baked(state, source.store, source.backend))
+        predictions.append(predict(configuration.scene, configuration.cameras, appearances[key]))
     return SweepForReport(made, labels, tuple(predictions), measured)

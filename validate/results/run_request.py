@@ -14,7 +14,7 @@ from validate.markers.detector_table import DEFAULT_DETECTOR, detector_called
 from validate.runs.file_names import check_default_folder, check_names, sweep_name
 from validate.runs.input_files import load_measurement_of, load_sweeps
 from validate.runs.outputs import check_folders
-from validate.stats.measured_errors import FEWEST_TRIALS
+from validate.stats.measured_errors import check_trials
 
 __all__ = ["RunRequest"]
 
@@ -70,8 +70,8 @@ class RunRequest:
         """
         if not self.sweeps and self.cameras is None:
             raise RangeError(f"no sweep given; allowed: {', '.join(known_sweeps())}, or the paths of .toml files")
-        if self.trials is not None and number(self.trials, "trials") < FEWEST_TRIALS:
-            raise RangeError(f"--trials {self.trials}; allowed: {FEWEST_TRIALS} or more (one has no spread)")
+        if self.trials is not None:
+            check_trials(self.trials, f"--trials {self.trials}")
         if self.seed is not None and number(self.seed, "seed") < 0:
             raise RangeError(f"--seed {self.seed}; allowed: 0 or more")
         detector_called(self.detector)

@@ -16,9 +16,17 @@ from scipy.special import gammaln
 
 from pss.errors import RangeError, ShapeError
 from pss.hints import Floats
+from pss.inputs import number
 from pss.riccati.covariances import largest_standard_deviation, root_trace
 
-__all__ = ["FEWEST_TRIALS", "MeasuredErrors", "inverse_sigma_bias", "measured_inverse_sigma", "measured_pss"]
+__all__ = [
+    "FEWEST_TRIALS",
+    "MeasuredErrors",
+    "check_trials",
+    "inverse_sigma_bias",
+    "measured_inverse_sigma",
+    "measured_pss",
+]
 
 
 # 1/σ̂ has no mean over one trial, so that nothing corrects it: a point that was triangulated only once counts zero.
@@ -215,3 +223,16 @@ def measured_inverse_sigma(sigma_m: ArrayLike, detection_rate: ArrayLike, dof: A
 def measured_pss(sigma_m: ArrayLike, detection_rate: ArrayLike, dof: ArrayLike | None = None) -> float:
     """1/m, Eq. 10 with measured σ: the mean over all points of `measured_inverse_sigma`, which has the arguments."""
     return float(measured_inverse_sigma(sigma_m, detection_rate, dof).mean())
+
+
+def check_trials(trials: object, given: str) -> None:
+    """Refuse fewer trials of each view than have a spread.
+
+    Args:
+        given: the number as the user passed it, such as "--trials 1" or "trials = 1".
+
+    Raises:
+        RangeError: fewer than `FEWEST_TRIALS`, or no number.
+    """
+    if number(trials, "trials") < FEWEST_TRIALS:
+        raise RangeError(f"{given}; allowed: {FEWEST_TRIALS} or more (one has no spread)")

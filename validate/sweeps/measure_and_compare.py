@@ -19,7 +19,7 @@ from validate.acquire.source import open_source
 from validate.markers.detector_table import DEFAULT_DETECTOR, detector_called
 from validate.points.configuration import Measured
 from validate.runs.console import Console
-from validate.stats.measured_errors import FEWEST_TRIALS, MeasuredErrors
+from validate.stats.measured_errors import MeasuredErrors, check_trials
 from validate.sweeps.plan_and_assess import assessed, planned, requested_views
 from validate.sweeps.single_step import comparison_row
 from validate.sweeps.single_step_summary import error_line, ratio_table
@@ -158,8 +158,7 @@ def measure(
     names = [camera.name for camera in cameras]
     if not names or len(set(names)) < len(names):
         raise RangeError(f"cameras {', '.join(names) or '()'}; allowed: one or more, each name once")
-    if number(trials, "trials") < FEWEST_TRIALS:
-        raise RangeError(f"trials = {trials}; allowed: {FEWEST_TRIALS} or more (one has no spread)")
+    check_trials(trials, f"trials = {trials}")
     if number(seed, "seed") < 0:
         raise RangeError(f"seed = {seed}; allowed: 0 or more")
     detector_called(detector)
