@@ -11,6 +11,14 @@ from validate.runs.interruption import interrupts_held
 pytestmark = pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="no signal masks here")
 
 
+@pytest.fixture(autouse=True)
+def pythons_handler():
+    """Python's own handler, also where the tests were started with Ctrl-C ignored, as a shell's background jobs are."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @pytest.mark.parametrize("with_another_thread", [False, True])
 def test_an_interrupt_arrives_after_the_block(with_another_thread):
     """Another thread, which masks nothing, receives the signal; Python would interrupt the main thread for it."""
